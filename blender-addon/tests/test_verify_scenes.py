@@ -1,7 +1,7 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Tests that Pumice and Cycles agree, by `pumice verify-render`, on what the ladder of scenes does not judge: smooth meshes of several materials,
-meshes that emit, volumes within each other, sheared ones, and labels that let light through."""
+meshes that emit, volumes within each other, sheared ones, and labels that let light through, of one volume and of two."""
 
 import json
 import subprocess
@@ -110,6 +110,23 @@ def glazed(fields, folder):
     fields["instances"][0]["style"]["material"] = {"base_color": [0.9, 0.9, 1.0], "transmission": 1.0, "roughness": 0.0, "ior": 1.45}
 
 
+def divided(fields, folder):
+    """Glass that touches glass of another instance: every other label is in an instance of its own."""
+    glazed(fields, folder)
+    again = json.loads(json.dumps(fields["instances"][0])) | {"id": 9}
+    shown = again["style"]["show"]["only"]
+    fields["instances"][0]["style"]["show"] = {"only": shown[::2]}
+    again["style"]["show"] = {"only": shown[1::2]}
+    fields["instances"].append(again)
+
+
+def glass_within_glass(fields, folder):
+    """Two volumes of glass that pass through each other: each surface counts by itself."""
+    within_each_other(fields, folder)
+    for instance, ior in zip(fields["instances"], (1.45, 1.2), strict=True):
+        instance["style"]["material"] = {"base_color": [0.9, 0.9, 1.0], "transmission": 1.0, "roughness": 0.0, "ior": ior}
+
+
 def sheared(fields, folder):
     """The x axis of the volume leans towards its z axis."""
     matrix = np.reshape(fields["instances"][0]["world_from_index"], (4, 3))
@@ -120,7 +137,10 @@ def sheared(fields, folder):
 
 
 @pytest.mark.full
-@pytest.mark.parametrize("change", [coated, velvet, glass, lit_by_a_mesh, within_each_other, veiled, glazed, sheared])
+@pytest.mark.parametrize(
+    "change",
+    [coated, velvet, glass, lit_by_a_mesh, within_each_other, veiled, glazed, divided, glass_within_glass, sheared],
+)
 def test_both_programs_agree(pumice_command, scene, change):
     path, fields = scene
     change(fields, path.parent)

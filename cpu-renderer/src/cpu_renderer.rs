@@ -10,7 +10,7 @@ use pumice_picture::{Image, Picture, film_memory, name_labels, name_mattes};
 use pumice_scene::{Film, Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::{EmissiveGeometry, Emitters};
-use pumice_transport::geometry::LodChoice;
+use pumice_transport::geometry::{Contacts, LodChoice};
 use pumice_transport::lights::Lights;
 use pumice_transport::material_table::{MaterialTable, MaterialTables};
 use pumice_transport::scene_lights::{ReadImage, scene_lights};
@@ -245,7 +245,7 @@ impl Renderer for CpuRenderer {
         }
 
         // The hierarchy over all instances and meshes.
-        let geometry = SceneTracer::of(volumes).with_meshes(meshes);
+        let geometry = SceneTracer::of(volumes).with_meshes(meshes).with_contacts(Contacts::new(scene));
         let geometry = match old {
             Some(o) if plan.top_level == Reuse::Keep => geometry.with_tree_of(o.tracer.tracer()),
             _ => {

@@ -23,9 +23,9 @@ use pumice_transport::lights::Lights;
 use pumice_transport::material_table::MaterialTables;
 use pumice_transport::sampler::{BouncePair, PixelSampler};
 use pumice_transport::sun::frame_around;
-use pumice_transport::{Hit, PathOrigin, RayInWorld, Receiver, SurfaceKind, Tracer};
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Receiver, Tracer};
 
-use crate::crossing::{MAX_TRANSPARENT_SURFACES, may_touch, next_hit, visibility};
+use crate::crossing::{MAX_TRANSPARENT_SURFACES, first_hit, may_touch, next_hit, visibility};
 use crate::film_sample::{AovSample, ColorSample, FilmSample, PassWeights, SurfaceAovs};
 
 /// First vertex after which Russian roulette may end a path: the first bounces carry most of the light, and ending them costs more noise
@@ -157,7 +157,7 @@ pub fn follow<T: Tracer + ?Sized>(
     down: f32,
     film_sample: &mut impl FilmSample,
 ) {
-    let hit = tracer.first_hit(&camera_ray, PathOrigin::Free, t_max);
+    let hit = first_hit(tracer, &camera_ray, t_max);
     if !around.lights.lamps().is_empty() && around.settings.mode != Mode::AmbientOcclusion {
         let length = camera_ray.direction.length();
         let limit = hit.as_ref().map_or(t_max, |h| h.t) * length;
@@ -233,7 +233,7 @@ fn path<T: Tracer + ?Sized>(
     let Start { mut ray, mut hit, mut t_max, mut way, mut passed, mut among } = start;
     // Number of surfaces that scattered the path.
     let mut vertex = 0u32;
-    // Whether a path outside of all labels started within another label's coarse element.
+    // Whether a path outside of all labels of an instance started within the coarse element of another label there.
     let mut buried = false;
     loop {
         let materials = &around.materials[hit.surface.instance as usize];
@@ -390,9 +390,9 @@ fn path<T: Tracer + ?Sized>(
         film_sample.add_emission(throughput * way.lamps(lights, direction, next.as_ref(), t_max), vertex);
         match next {
             Some(next) => {
-                // (A mesh may well stand inside of a label.)
-                let left_label = hit.surface.kind != SurfaceKind::Triangle;
-                buried = outward && left_label && next.is_seen_from_within() && !may_touch(direction, &hit);
+                // (A mesh or another instance may well stand inside of a label.)
+                let same_volume = hit.surface.instance == next.surface.instance;
+                buried = outward && same_volume && next.is_seen_from_within() && !may_touch(direction, &hit);
                 hit = next;
             }
             None => {

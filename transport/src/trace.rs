@@ -95,6 +95,22 @@ pub trait Tracer: Sync {
         self.first_hit(ray, from, t_max).is_some()
     }
 
+    /// Distance in world units within which faces of two instances count as one place ([`crate::geometry::Contacts`]); 0 where paths need
+    /// not know.
+    fn contact_distance(&self) -> f64 {
+        0.0
+    }
+
+    /// The nearest surface of a volume with t in (0, `t_max`) along a ray from a free point, of all instances but this one.
+    fn first_volume_besides(&self, _ray: &RayInWorld, _t_max: f64, _instance: u32) -> Option<Hit> {
+        None
+    }
+
+    /// Whether two surfaces belong to one label of one body ([`crate::geometry::Contacts::are_one`]).
+    fn are_one(&self, _a: &Surface, _b: &Surface) -> bool {
+        false
+    }
+
     /// The geometry of shadow catchers alone, with the same surface indices; `None` where there is none.
     fn catchers(&self) -> Option<&dyn Tracer> {
         None
@@ -135,6 +151,18 @@ impl<T: Tracer + Send + ?Sized> Tracer for std::sync::Arc<T> {
 
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         (**self).occluded(ray, from, t_max)
+    }
+
+    fn contact_distance(&self) -> f64 {
+        (**self).contact_distance()
+    }
+
+    fn first_volume_besides(&self, ray: &RayInWorld, t_max: f64, instance: u32) -> Option<Hit> {
+        (**self).first_volume_besides(ray, t_max, instance)
+    }
+
+    fn are_one(&self, a: &Surface, b: &Surface) -> bool {
+        (**self).are_one(a, b)
     }
 
     fn catchers(&self) -> Option<&dyn Tracer> {

@@ -188,6 +188,7 @@ struct SceneHeader {
     InstanceTree instance_tree;
     uint instance_count;
     uint film_width;
+    F64Bits contact_distance;
 };
 
 struct Material {
@@ -276,6 +277,8 @@ struct Instance {
     float edges_from_index[3][3];
     float coarser_from_squared[2];
     uint last_matte_id;
+    uint body;
+    uint reserved;
 };
 
 struct CutPlane {
@@ -291,7 +294,7 @@ const uint LOD_BY_DISTANCE = 3u;
 const uint LOD_TRIANGLES = 4u;
 // The instance is a mesh that is a shadow catcher.
 const uint LOD_CATCHER = 5u;
-const uint64_t INSTANCE_BYTES = 440UL;
+const uint64_t INSTANCE_BYTES = 448UL;
 
 struct SurfaceRecord {
     uint instance;

@@ -88,16 +88,11 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
     f64 gone = F64_ZERO;
     while (true) {
         bool any = (flight == FLIGHT_SHADOW && NEEDS_TRANSPARENT == 0u) || flight == FLIGHT_AMBIENT;
-        bool crosses = (NEEDS_TRANSPARENT | NEEDS_GLASS) != 0u && !any;
-        f64 reach = crosses && may_touch(ray.direction, left) ? F64_INFINITY : t_max;
         bool among_catchers = NEEDS_CATCHER != 0u && film_sample.sink == SINK_ALONE;
-        Hit hit = scene_ask(scene, ray, left.surface, reach, any, NONE, 0u, among_catchers);
+        Hit hit = next_hit(scene, ray, left, t_max, any, among_catchers);
         if (flight == FLIGHT_AMBIENT) {
             film_sample_add_direct_light(film_sample, is_hit(hit) ? vec3(0.0) : vec3(1.0), 0u);
             return;
-        }
-        if (crosses) {
-            hit = next_hit(hit, ray.direction, left, t_max);
         }
         if (flight == FLIGHT_SHADOW) {
             // A transparent surface lets some of the light through.
@@ -149,9 +144,10 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             return;
         }
         ray.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
-        // Whether a path outside of all labels started within another label's coarse element. (A mesh may well be inside a label.)
+        // Whether a path outside of all labels of an instance started within the coarse element of another label there. (A mesh or another
+        // instance may well be inside a label.)
         bool buried = is_seen_from_within(hit) && flight == FLIGHT_SCATTERED && goes_outward(ray.direction, left) &&
-            left.surface.kind != SURFACE_TRIANGLE && !may_touch(ray.direction, left);
+            left.surface.instance == hit.surface.instance && !may_touch(ray.direction, left);
         left = hit;
 
         // The camera ray's first shadow catcher: the twin continues twice from here. Here the whole sample is traced twice. The second time

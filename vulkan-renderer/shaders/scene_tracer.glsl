@@ -10,8 +10,29 @@ InstanceRef instance_at(SceneRef scene, uint number) {
     return InstanceRef(scene.it.instances + uint64_t(number) * INSTANCE_BYTES);
 }
 
-// One function for the three queries of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label,
-// `next_boundary` of that label in instance `only_instance`.
+// Whether two surfaces belong to one label of one body.
+bool are_one(SceneRef scene, Surface a, Surface b) {
+    return a.label == b.label && instance_at(scene, a.instance).it.body == instance_at(scene, b.instance).it.body;
+}
+
+// Whether a hit of instance `number` is a back in the place of another instance's face, which the path leaves.
+bool was_passed(uint number, Hit hit, Surface left, f64 near) {
+    return is_hit(hit) && f64_le(hit.t, near) && is_seen_from_within(hit) && left.instance != NONE &&
+        left.kind != SURFACE_TRIANGLE && left.instance != number;
+}
+
+// Whether a hit comes before the nearest one so far. `near` is the difference in t up to which the back of a label comes before the front
+// of another; 0 where there are no contacts.
+bool comes_before(Hit found, Hit other, f64 near) {
+    if (f64_lt(F64_ZERO, near) && is_hit(other) && is_seen_from_within(found) != is_seen_from_within(other) &&
+        found.surface.kind != SURFACE_TRIANGLE && other.surface.kind != SURFACE_TRIANGLE) {
+        return found.from_inside ? f64_le(found.t, f64_add(other.t, near)) : f64_lt(f64_add(found.t, near), other.t);
+    }
+    return f64_lt(found.t, other.t) || (f64_eq(found.t, other.t) && found.surface.instance < other.surface.instance);
+}
+
+// One function for the queries of the twin (see volume_ask): `first_hit`; with `any`, `occluded`; with `only` a label, `next_boundary` of
+// that label in instance `only_instance`; without a label but with such an instance, `first_volume_besides` it.
 //
 // With `catchers` it tests shadow catchers alone, for which the twin has a separate tracer.
 //
@@ -20,6 +41,14 @@ InstanceRef instance_at(SceneRef scene, uint number) {
 Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any, uint only, uint only_instance,
     bool catchers) {
     Hit best = no_hit();
+    bool besides = only == NONE && only_instance != NONE;
+    // The distance of contacts in the ray's t.
+    f64 near = F64_ZERO;
+    if ((NEEDS_TRANSPARENT | NEEDS_GLASS) != 0u && only == NONE && !besides && !any && scene.it.contact_distance != 0UL) {
+        near = f64_div(f64_from_bits(scene.it.contact_distance), dvec3_length(ray.direction));
+    }
+    // The instance that is asked again, for what comes behind a back that was passed.
+    uint again = NONE;
     uint count = scene.it.instance_count;
     bool by_tree = NEEDS_INSTANCE_TREE != 0u && scene.it.instance_tree.nodes != 0UL && only == NONE;
     InstanceTree tree;
@@ -41,7 +70,9 @@ Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any,
     }
     while (true) {
         uint number = next;
-        if (next < count) {
+        if (again != NONE) {
+            number = again;
+        } else if (next < count) {
             next += 1u;
         } else {
             number = by_tree ? instance_tree_next(tree, walk, f64_min(best.t, t_max)) : NONE;
@@ -55,11 +86,30 @@ Hit scene_ask(SceneRef scene, RayInWorld ray, Surface from, f64 t_max, bool any,
         if (NEEDS_CATCHER != 0u && catchers && !material_table_catches(instance_at(scene, number))) {
             continue;
         }
-        Hit hit = volume_ask(instance_at(scene, number), number, ray, from, t_max, best.t, only, any);
+        if (besides && (number == only_instance || is_mesh(instance_at(scene, number)))) {
+            continue;
+        }
+        RayInWorld asked = ray;
+        Surface asked_from = from;
+        f64 ahead = F64_ZERO;
+        if (again != NONE) {
+            ahead = f64_mul(near, f64_exp2(1));
+            asked.origin = dvec3_add(ray.origin, dvec3_scale(ray.direction, ahead));
+            asked_from = no_surface();
+        }
+        Hit hit = volume_ask(instance_at(scene, number), number, asked, asked_from, t_max, best.t, only, any);
+        if (again == NONE && f64_lt(F64_ZERO, near) && was_passed(number, hit, from, near)) {
+            again = number;
+            continue;
+        }
+        again = NONE;
         if (!is_hit(hit)) {
             continue;
         }
-        bool first = f64_lt(hit.t, best.t) || (f64_eq(hit.t, best.t) && number < best.surface.instance);
+        if (f64_lt(F64_ZERO, ahead)) {
+            hit.t = f64_add(hit.t, ahead);
+        }
+        bool first = comes_before(hit, best, near);
         if (any || only != NONE || (first && f64_lt(hit.t, t_max))) {
             best = hit;
             if (any) {

@@ -11,7 +11,8 @@ void trace_ray_number(uint i) {
     Surface from = surface_from_record(r.from);
     bool any = r.question == QUESTION_OCCLUDED;
     uint only = r.question == QUESTION_NEXT_BOUNDARY ? r.only : NONE;
-    Hit hit = scene_ask(scene, ray, from, f64_from_bits(r.t_max), any, only, r.only_instance, false);
+    uint only_instance = only != NONE ? r.only_instance : NONE;
+    Hit hit = scene_ask(scene, ray, from, f64_from_bits(r.t_max), any, only, only_instance, false);
     HitRecords(launch.target).at[i] = record_of_hit(hit);
 }
 

@@ -316,6 +316,8 @@ pub struct SceneHeader {
     pub instance_count: u32,
     /// Pixels across the film, for addressing its rows.
     pub film_width: u32,
+    /// `pumice_transport::geometry::Contacts::distance`; 0 where there are no contacts.
+    pub contact_distance: f64,
 }
 
 /// Twin of the scene's `Material`.
@@ -466,9 +468,13 @@ pub struct Instance {
     pub coarser_from_squared: [f32; 2],
     /// Index of the last entry of `matte_ids`, which stands for all labels past it.
     pub last_matte_id: u32,
+    /// Number of the body that the instance is part of (`pumice_transport::geometry::Contacts::body`).
+    pub body: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
-const _: () = assert!(size_of::<Instance>() == 440, "INSTANCE_BYTES of layout.glsl");
+const _: () = assert!(size_of::<Instance>() == 448, "INSTANCE_BYTES of layout.glsl");
 
 /// Twin of `CutPlane`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

@@ -19,7 +19,7 @@ use std::sync::Arc;
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_transport::camera_rays::CameraRays;
-use pumice_transport::geometry::{Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
+use pumice_transport::geometry::{Contacts, Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
 use pumice_transport::{BoxBounds, Bvh, Emitters, FilterTable, Lights, MaterialTable, RenderError};
 
 use crate::device::{Acceleration, Buffer, DeviceError, Gpu};
@@ -486,6 +486,8 @@ pub(crate) struct SceneParts {
     pub(crate) filter: Arc<FilterOnDevice>,
     /// The hierarchy over instances, where there is one.
     pub(crate) tree: Option<Arc<TreeOnDevice>>,
+    /// Where volumes touch.
+    pub(crate) contacts: Option<Contacts>,
 }
 
 /// All parts together, with the header through which shaders find them.
@@ -505,9 +507,12 @@ impl SceneOnDevice {
         rays: &CameraRays,
         settings: layout::Settings,
     ) -> Result<Self, DeviceError> {
-        let SceneParts { instances, meshes, sky, emitters, filter, tree } = &parts;
+        let SceneParts { instances, meshes, sky, emitters, filter, tree, contacts } = &parts;
         let of_meshes = meshes.iter().map(MeshOnDevice::record);
-        let list: Vec<_> = instances.iter().map(InstanceOnDevice::record).chain(of_meshes).collect();
+        let mut list: Vec<_> = instances.iter().map(InstanceOnDevice::record).chain(of_meshes).collect();
+        for (record, number) in list.iter_mut().zip(0..) {
+            record.body = contacts.as_ref().and_then(|c| c.body(number)).unwrap_or(number);
+        }
         let records = gpu.buffer_of("the list of instances", bytemuck::cast_slice(&list))?;
         let header = layout::SceneHeader {
             instances: records.address(),
@@ -526,6 +531,7 @@ impl SceneOnDevice {
             instance_tree: tree.as_ref().map_or_else(layout::InstanceTree::default, |t| t.record),
             instance_count: list.len() as u32,
             film_width: rays.size[0] as u32,
+            contact_distance: contacts.as_ref().map_or(0.0, Contacts::distance),
         };
         let header = gpu.buffer_of("the scene's header", bytemuck::bytes_of(&header))?;
         Ok(Self { parts, records, header })

@@ -10,7 +10,7 @@ use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, film_memory, name_
 use pumice_scene::{Part, PartSet};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::EmissiveGeometry;
-use pumice_transport::geometry::{Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
+use pumice_transport::geometry::{Contacts, Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
 use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source, sums_of};
 use pumice_transport::{
     Emitters, LoadedScene, MaterialTable, Pick, ReadImage, Rebuilt, RenderError, SeenLabel, SurfaceKind,
@@ -341,7 +341,8 @@ impl<'a> Making<'a> {
         let rays = CameraRays::new(&scene.camera, &scene.film);
         let settings = pack::settings(&scene.settings, sums_of(scene));
         let tables = &self.machine.tables;
-        let parts = SceneParts { instances, meshes, sky, emitters, filter, tree };
+        let contacts = Contacts::new(self.new);
+        let parts = SceneParts { instances, meshes, sky, emitters, filter, tree, contacts };
         Ok(SceneOnDevice::new(gpu, tables, parts, &rays, settings)?)
     }
 

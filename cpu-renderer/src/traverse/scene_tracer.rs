@@ -2,14 +2,18 @@
 //!
 //! The hit is the nearest of the hits of each instance by itself, and that of the lowest index where several are equally near. It therefore
 //! depends neither on the order in which instances are asked, nor on the range that earlier hits leave to the others.
+//!
+//! **Contacts.** Where light passes through volumes that may touch ([`Contacts`]), of faces in one place the back of a label comes before
+//! the front of another, and a back where a path leaves the face of another instance was passed together with that face: only what comes
+//! behind it counts.
 
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::CompressedVolume;
-use pumice_transport::geometry::LodChoice;
 use pumice_transport::geometry::instance_tree::{InstanceTree, WorldBounds};
-use pumice_transport::{Hit, PathOrigin, RayInWorld, RenderError, Surface, Tracer};
+use pumice_transport::geometry::{Contacts, LodChoice};
+use pumice_transport::{Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer};
 
 use super::{MeshTracer, VolumeTracer};
 
@@ -37,6 +41,8 @@ pub struct SceneTracer {
     tree: Option<Arc<InstanceTree>>,
     /// The meshes that are shadow catchers, if there are any; they are asked in turn.
     catchers: Option<Box<SceneTracer>>,
+    /// Where volumes touch; `None` where light passes through none, or there is only one.
+    contacts: Option<Contacts>,
 }
 
 /// The nearest hit so far.
@@ -45,21 +51,38 @@ struct Nearest {
     /// Its t; infinite where there is none.
     t: f64,
     t_max: f64,
+    /// Difference in t up to which the back of a label comes before the front of another; 0 where there are no contacts.
+    near: f64,
 }
 
 impl Nearest {
-    fn new(t_max: f64) -> Self {
-        Self { hit: None, t: f64::INFINITY, t_max }
+    fn new(t_max: f64, near: f64) -> Self {
+        Self { hit: None, t: f64::INFINITY, t_max, near }
     }
 
     #[inline]
     fn see(&mut self, found: Option<Hit>) {
         let Some(found) = found else { return };
-        let before = |other: &Hit| found.t == other.t && found.surface.instance < other.surface.instance;
-        if found.t < self.t_max && (found.t < self.t || self.hit.as_ref().is_some_and(before)) {
+        if found.t < self.t_max && self.comes_first(&found) {
             self.t = found.t;
             self.hit = Some(found);
         }
+    }
+
+    /// Whether a hit comes before the nearest one so far.
+    #[inline]
+    fn comes_first(&self, found: &Hit) -> bool {
+        let Some(other) = &self.hit else { return found.t < self.t };
+        if self.near > 0.0 && found.is_seen_from_within() != other.is_seen_from_within() {
+            let is_face = |hit: &Hit| hit.surface.kind != SurfaceKind::Triangle;
+            if is_face(found) && is_face(other) {
+                return match found.from_inside {
+                    true => found.t <= self.t + self.near,
+                    false => found.t + self.near < self.t,
+                };
+            }
+        }
+        found.t < self.t || (found.t == self.t && found.surface.instance < other.surface.instance)
     }
 }
 
@@ -87,7 +110,7 @@ impl SceneTracer {
     /// The geometry of instances that are already built; the one at index i must have been built as instance i.
     pub fn of(volumes: Vec<Arc<VolumeTracer>>) -> Self {
         let is_smooth = volumes.iter().any(|v| v.is_smooth());
-        Self { is_smooth, volumes, meshes: Vec::new(), tree: None, catchers: None }
+        Self { is_smooth, volumes, meshes: Vec::new(), tree: None, catchers: None, contacts: None }
     }
 
     /// Adds these meshes; the first has the index after the last volume's.
@@ -104,6 +127,12 @@ impl SceneTracer {
         let meshes: Vec<_> = of.map(|(mesh, _)| Arc::clone(mesh)).collect();
         let catchers = (!meshes.is_empty()).then(|| Box::new(Self::of(Vec::new()).with_meshes(meshes)));
         Self { catchers, ..self }
+    }
+
+    /// Adds the contacts of its volumes.
+    #[must_use]
+    pub fn with_contacts(self, contacts: Option<Contacts>) -> Self {
+        Self { contacts, ..self }
     }
 
     /// Adds a hierarchy over instances and meshes if there are at least `least` of them ([`pumice_scene::INSTANCES_OF_A_TREE`] is where it
@@ -199,11 +228,39 @@ impl SceneTracer {
     fn ask(&self, number: u32, ray: &RayInWorld, from: PathOrigin, nearest: &mut Nearest) {
         let (place, volumes, t_max) = (number as usize, self.volumes.len(), nearest.t_max);
         nearest.see(match self.volumes.get(place) {
-            Some(volume) => volume.first_hit_within(ray, from, t_max, nearest.t),
+            Some(volume) => {
+                let hit = volume.first_hit_within(ray, from, t_max, nearest.t);
+                match hit {
+                    Some(hit) if nearest.near > 0.0 && self.was_passed(number, &hit, from, nearest.near) => {
+                        // What comes behind it.
+                        let ahead = 2.0 * nearest.near;
+                        let ray = RayInWorld { origin: ray.origin + ray.direction * ahead, ..*ray };
+                        let hit = volume.first_hit_within(&ray, PathOrigin::Free, t_max, nearest.t);
+                        hit.map(|hit| Hit { t: hit.t + ahead, ..hit })
+                    }
+                    hit => hit,
+                }
+            }
             None => {
                 self.meshes.get(place - volumes).and_then(|m| m.first_hit_within(ray, from, t_max, nearest.t))
             }
         });
+    }
+
+    /// Whether this hit of an instance is a back in the place of another instance's face, which the path leaves.
+    #[inline]
+    fn was_passed(&self, number: u32, hit: &Hit, from: PathOrigin, near: f64) -> bool {
+        let PathOrigin::Face(left) = from else { return false };
+        hit.t <= near
+            && hit.is_seen_from_within()
+            && left.kind != SurfaceKind::Triangle
+            && left.instance != number
+    }
+
+    /// The distance of contacts in the ray's t; 0 where there are none.
+    #[inline]
+    fn near(&self, ray: &RayInWorld) -> f64 {
+        self.contacts.as_ref().map_or(0.0, |contacts| contacts.distance() / ray.direction.length())
     }
 
     #[inline]
@@ -230,7 +287,7 @@ impl SceneTracer {
         from: PathOrigin,
         t_max: f64,
     ) -> Option<Hit> {
-        let (mut nearest, left) = (Nearest::new(t_max), self.left(from));
+        let (mut nearest, left) = (Nearest::new(t_max, self.near(ray)), self.left(from));
         if let Some(number) = left {
             self.ask(number, ray, from, &mut nearest);
         }
@@ -268,9 +325,9 @@ impl Tracer for SceneTracer {
             // (Not `filter`, which copies the hit.)
             return if hit.as_ref().is_none_or(|hit| hit.t < t_max) { hit } else { None };
         }
-        let mut nearest = Nearest::new(t_max);
-        for volume in &self.volumes {
-            nearest.see(volume.first_hit_within(ray, from, t_max, nearest.t));
+        let mut nearest = Nearest::new(t_max, self.near(ray));
+        for number in 0..self.volumes.len() as u32 {
+            self.ask(number, ray, from, &mut nearest);
         }
         for mesh in &self.meshes {
             nearest.see(mesh.first_hit_within(ray, from, t_max, nearest.t));
@@ -284,6 +341,29 @@ impl Tracer for SceneTracer {
         }
         self.volumes.iter().any(|volume| volume.occluded(ray, from, t_max))
             || self.meshes.iter().any(|mesh| mesh.occluded(ray, from, t_max))
+    }
+
+    fn contact_distance(&self) -> f64 {
+        self.contacts.as_ref().map_or(0.0, |contacts| contacts.distance())
+    }
+
+    fn first_volume_besides(&self, ray: &RayInWorld, t_max: f64, instance: u32) -> Option<Hit> {
+        let mut nearest = Nearest::new(t_max, 0.0);
+        let mut ask = |number: u32| {
+            if let Some(volume) = self.volumes.get(number as usize).filter(|_| number != instance) {
+                nearest.see(volume.first_hit_within(ray, PathOrigin::Free, t_max, nearest.t));
+            }
+            nearest.t.min(t_max)
+        };
+        match &self.tree {
+            Some(tree) => tree.along_ray(ray, t_max, ask),
+            None => (0..self.volumes.len() as u32).for_each(|number| _ = ask(number)),
+        }
+        nearest.hit
+    }
+
+    fn are_one(&self, a: &Surface, b: &Surface) -> bool {
+        self.contacts.as_ref().is_some_and(|contacts| contacts.are_one(a, b))
     }
 
     fn catchers(&self) -> Option<&dyn Tracer> {

@@ -4,7 +4,7 @@
 //! placement       where an instance is: world ↔ index space, exact for whole numbers
 //! bvh             a hierarchy over integer boxes, triangles or instances; instance_tree puts one over a whole scene
 //! bricks          all drawn labels of a volume in one sparse grid of 64-bit masks
-//! cuts            planes of the parts that are cut away
+//! contacts        where instances touch; cuts: planes of the parts that are cut away
 //! lod             the level of detail of each box
 //! visible_boxes   the boxes that are drawn; neighbors and voxel_normals give them smooth shading
 //! mesh_grid       triangles of a mesh in an integer grid; mesh_normals gives them smooth shading
@@ -12,6 +12,7 @@
 
 pub mod bricks;
 pub mod bvh;
+pub mod contacts;
 pub mod cuts;
 pub mod instance_tree;
 pub mod lod;
@@ -24,6 +25,7 @@ pub mod visible_boxes;
 pub mod voxel_normals;
 
 pub use bricks::{BLOCK, BRICK, Block, Brick, BrickPart, Bricks};
+pub use contacts::Contacts;
 pub use cuts::{CutPlane, Cuts};
 pub use instance_tree::{InstanceTree, WorldBounds};
 pub use lod::{ByDistance, Detail, DetailLevel, LodChoice};

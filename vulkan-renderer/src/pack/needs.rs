@@ -36,9 +36,15 @@ pub const LEAVES_OUT: PartSet = {
     all
 };
 
-/// Parts that decide which surface a ray meets and how it is turned. A ray for render passes of the surface needs no others.
-const OF_SURFACES: PartSet =
-    PartSet::NONE.with(Part::Cuts).with(Part::Meshes).with(Part::SmoothNormals).with(Part::InstanceTree);
+/// Parts that decide which surface a ray meets and how it is turned. A ray for render passes of the surface needs no others. (Where light
+/// passes through volumes that touch, the back of a label comes before the front of another.)
+const OF_SURFACES: PartSet = PartSet::NONE
+    .with(Part::Cuts)
+    .with(Part::Meshes)
+    .with(Part::SmoothNormals)
+    .with(Part::InstanceTree)
+    .with(Part::Glass)
+    .with(Part::Transparent);
 
 /// Twin of `shaders/needs.glsl`: what the scene needs, and in which form it lies on the device.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Hash)]

@@ -38,6 +38,9 @@ impl OnDevice {
             let ids = if packed.ids.is_empty() { 0 } else { uploaded.put(gpu, &packed.ids) };
             packed.describe(&mut uploaded.instances[i], materials, of_label, ids);
         }
+        for (record, number) in uploaded.instances.iter_mut().zip(0..) {
+            record.body = case.contacts.as_ref().and_then(|c| c.body(number)).unwrap_or(number);
+        }
         let lights = &case.around.lights;
         let ends = if lights.cdf().is_empty() { 0 } else { uploaded.put(gpu, lights.cdf()) };
         let suns = pack::suns(lights);
@@ -71,6 +74,7 @@ impl OnDevice {
             environment: environment.unwrap_or_default(),
             emitters: emitters.unwrap_or_default(),
             film_width: rays.size[0] as u32,
+            contact_distance: case.contacts.as_ref().map_or(0.0, |c| c.distance()),
             ..layout::SceneHeader::default()
         };
         let address = uploaded.header(gpu, header);

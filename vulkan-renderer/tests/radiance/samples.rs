@@ -88,6 +88,18 @@ impl<T: Tracer> Tracer for Listening<'_, T> {
         self.tracer.occluded(ray, from, t_max)
     }
 
+    fn contact_distance(&self) -> f64 {
+        self.tracer.contact_distance()
+    }
+
+    fn first_volume_besides(&self, ray: &RayInWorld, t_max: f64, instance: u32) -> Option<Hit> {
+        self.tracer.first_volume_besides(ray, t_max, instance)
+    }
+
+    fn are_one(&self, a: &Surface, b: &Surface) -> bool {
+        self.tracer.are_one(a, b)
+    }
+
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
         self.tracer.box_origin(face)
     }

@@ -11,7 +11,7 @@ use pumice_scene::{
     Aperture, Camera, Film, Filter, LabelStyle, Light, LightShape, Lod, Material, Mode, Outline, Projection,
     SensorFit, Settings, Sun,
 };
-use pumice_transport::geometry::LodChoice;
+use pumice_transport::geometry::{Contacts, LodChoice, Placement};
 use pumice_transport::{EnvironmentTable, Lights, MaterialTable, ReadyLamp, ReadySun, Sky};
 
 use crate::exact::volumes::{blobs, noise, volume};
@@ -28,6 +28,8 @@ pub(crate) struct Case {
     /// Meshes, which follow the volumes.
     pub(crate) meshes: Vec<(Arc<MeshData>, DAffine3)>,
     pub(crate) around: Surroundings,
+    /// Where its volumes touch.
+    pub(crate) contacts: Option<Contacts>,
     pub(crate) camera: Camera,
     pub(crate) film: Film,
     /// Factor from a float's rounding error to the error of a scattered direction: 1/α of the sharpest lobe, 1 where all is diffuse.
@@ -51,7 +53,7 @@ impl Case {
             Arc::new(MeshTracer::new(i, instance, mesh, *place).expect("a mesh"))
         });
         let catches: Vec<bool> = self.materials_of_meshes().map(|materials| materials.catches()).collect();
-        volumes.with_meshes(meshes.collect()).with_catchers(&catches)
+        volumes.with_meshes(meshes.collect()).with_catchers(&catches).with_contacts(self.contacts.clone())
     }
 
     fn materials_of_meshes(&self) -> impl Iterator<Item = &Arc<MaterialTable>> {
@@ -140,6 +142,7 @@ pub(crate) fn bodies() -> Case {
         traced: vec![instance],
         meshes: Vec::new(),
         around,
+        contacts: None,
         camera: looking(DVec3::new(95.0, -60.0, 70.0), DVec3::new(24.0, 22.0, 20.0), projection),
         film: Film::new(SIDE, SIDE, Filter::BlackmanHarris { width: 3.0 }),
         sharpness: 1.0,
@@ -261,6 +264,26 @@ fn several() -> Case {
     // About 70 × 60 × 60 voxels in all.
     case.reach = 130.0;
     case.with_style(&LabelStyle { auto_color: true, ..LabelStyle::default() }, 4.0)
+}
+
+/// The labels of the bodies by turns in three instances at one place, and two more instances that together are one body.
+fn touching() -> Case {
+    let mut case = passed_through(bodies().with_lights(Lights::new(dark(), vec![sun(0.3, 2.0)], None)));
+    let (whole, table) = (case.traced[0].clone(), Arc::clone(&case.around.materials[0]));
+    let shown =
+        |turn: usize, t: &TracedInstance| t.visible.iter().enumerate().map(|(i, _)| i % 3 == turn).collect();
+    case.traced =
+        (0..3).map(|turn| TracedInstance { visible: shown(turn, &whole), ..whole.clone() }).collect();
+    let (_, block) = volume([10, 20, 12], |_, _, _| 1);
+    for x in [30.3, 40.3] {
+        case.traced.push(traced(&block, DAffine3::from_translation(DVec3::new(x, -24.6, 9.7))));
+    }
+    let glass = Material { transmission: 1.0, roughness: 0.7, base_color: [0.9; 3], ..Material::default() };
+    let of_block = Arc::new(MaterialTable::same(glass));
+    case.around.materials = [vec![table; 3], vec![of_block; 2]].concat().into();
+    let placements = case.traced.iter().filter_map(|t| Placement::new(t.world_from_index));
+    case.contacts = Some(Contacts::of(placements, vec![0, 1, 2, 3, 3]));
+    case
 }
 
 /// Adds a floor under the bodies, and a bumpy ball of glass, metal and transparent triangles among them.
@@ -394,6 +417,7 @@ pub(crate) fn cases() -> Vec<Case> {
         aimed(bodies(), vec![sun(0.3, 2.0)]).lod(far).named("cells and voxels by distance"),
         several().named("several instances, labels hidden, colours of the palette"),
         beside_meshes(passed_through(aimed(bodies(), vec![sun(0.3, 2.0)]))).named("meshes beside a volume"),
+        touching().named("instances that touch"),
         beside_smooth_meshes(passed_through(aimed(bodies(), vec![sun(0.3, 2.0)]))).named("smooth meshes"),
         beside_smooth_meshes(bodies())
             .settings(|s| (s.mode, s.ao_distance) = (Mode::AmbientOcclusion, 30.0))
