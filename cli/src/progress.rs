@@ -23,15 +23,18 @@ impl Bar {
         let stop = Arc::new(AtomicBool::new(false));
         let follower = (!bar.is_hidden()).then(|| {
             let (bar, stop, job) = (bar.clone(), stop.clone(), job.clone());
-            std::thread::spawn(move || {
+            let follow = move || {
                 while !stop.load(Ordering::Relaxed) {
                     let (done, total) = job.progress();
                     bar.set_length(total.max(1));
                     bar.set_position(done.min(total));
                     std::thread::sleep(Duration::from_millis(66));
                 }
-            })
+            };
+            // Without a thread the bar stands still, which harms nothing.
+            std::thread::Builder::new().spawn(follow).ok()
         });
+        let follower = follower.flatten();
         Self { bar, stop, follower }
     }
 

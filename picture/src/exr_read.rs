@@ -7,7 +7,6 @@
 //! ```
 
 use std::collections::{BTreeMap, HashSet};
-use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -19,6 +18,7 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::{Vec2, f16};
+use pumice_core::open_input;
 use rayon::prelude::*;
 
 use crate::cryptomatte::{self, Matte};
@@ -49,13 +49,9 @@ enum ChannelTarget {
 /// Reads the picture at `path`.
 pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
     let io = |source| PictureError::Io { path: path.to_owned(), source };
-    let refuse = |what| PictureError::File { path: path.to_owned(), what };
-    let file = File::open(path).map_err(io)?;
-    let facts = file.metadata().map_err(io)?;
-    if !facts.is_file() {
-        return Err(refuse("is not an ordinary file".into()));
-    }
-    read_from(BufReader::new(file), facts.len()).map_err(|failure| failure.at(path))
+    let file = open_input(path).map_err(io)?;
+    let length_bytes = file.metadata().map_err(io)?.len();
+    read_from(BufReader::new(file), length_bytes).map_err(|failure| failure.at(path))
 }
 
 /// Reads only the provenance; `None` if the file has none.

@@ -23,12 +23,15 @@ pub mod savings;
 pub mod script;
 pub mod selection;
 pub mod shipped_volume;
+pub mod threads;
 pub mod values;
 pub mod verify_render;
 
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
-pub use compress_file::{CompressOutcome, CompressRequest, compress_file, decompress_file, verify_file};
+pub use compress_file::{
+    CompressOutcome, CompressRequest, compress_file, decompress_file, read_types, verify_file,
+};
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info};
@@ -50,4 +53,5 @@ pub use pumice_transport::geometry::DetailLevel;
 pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
+pub use threads::start_threads;
 pub use verify_render::{VerifiedRender, VerifyMaps, VerifyProgress, VerifyRenderRequest, verify_render};
