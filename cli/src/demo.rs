@@ -7,7 +7,7 @@ use std::fmt::Write as _;
 use std::path::PathBuf;
 use std::sync::Arc;
 
-use pumice_core::{CompressOptions, CompressionLevel, Job, Verification};
+use pumice_core::{CompressOptions, CompressionLevel, Job, Outputs, Verification, write_text};
 use pumice_formats::OpenOptions;
 use pumice_picture::Passes;
 use pumice_session::LoadedScene;
@@ -68,17 +68,24 @@ pub(crate) struct DemoOutcome {
 pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoStage)) -> Result<DemoOutcome> {
     std::fs::create_dir_all(&options.out).map_err(io(&options.out))?;
 
+    // Outputs of an earlier run may be replaced, but not what is read.
+    let outputs = Outputs::default();
+    ["volume.pumice", "picture.png", "picture.exr", "error.svg", "report.md"]
+        .iter()
+        .try_for_each(|name| outputs.declare(&options.out.join(name)))?;
+    let reading = OpenOptions { outputs, ..OpenOptions::default() };
+
     // Compress.
     watch(DemoStage::Compress);
     let clock = Stopwatch::start();
-    let mut source = pumice_formats::open(&options.volume, &OpenOptions::default())?;
+    let mut source = pumice_formats::open(&options.volume, &reading)?;
     let mut volume = pumice_core::compress(source.as_mut(), &CompressOptions::default(), job)?;
     let compress_seconds = [clock.seconds(), clock.cpu_seconds()];
 
     // Check every voxel against the file.
     watch(DemoStage::Verify);
     let clock = Stopwatch::start();
-    let mut again = pumice_formats::open(&options.volume, &OpenOptions::default())?;
+    let mut again = pumice_formats::open(&options.volume, &reading)?;
     match pumice_core::verify(&volume, again.as_mut(), job)? {
         Verification::Same { .. } => {}
         difference => {
@@ -125,7 +132,7 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
     .map_err(SessionError::Caller)?;
     if let Some(svg) = &svg {
         let svg_path = options.out.join("error.svg");
-        std::fs::write(&svg_path, svg).map_err(io(svg_path))?;
+        write_text(&svg_path, svg)?;
     }
 
     let info = volume.info();
@@ -190,6 +197,6 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
         None => "\nThe time was too short for an estimate of the error.\n".into(),
     });
     let report = options.out.join("report.md");
-    std::fs::write(&report, text).map_err(io(&report))?;
+    write_text(&report, &text)?;
     Ok(DemoOutcome { bytes_raw, bytes_resident, figures, report })
 }

@@ -1,7 +1,7 @@
 //! What the command says: lines on standard output, and failures and warnings, each one line on standard error.
 //!
-//! Names of files and labels may have line breaks and other control characters in them. Here they become escapes, so that a line stays one
-//! line, and no name steers the terminal.
+//! Names of files and labels may have line breaks and other control characters in them, and may be long. Here characters become escapes
+//! and lines are shortened (`pumice_core::error::one_line`), so that a line stays one line, and no name steers or fills the terminal.
 
 use std::fmt::{self, Display};
 use std::io::Write;
@@ -45,8 +45,12 @@ pub(crate) fn say(line: impl Display) -> Result<(), Failure> {
 }
 
 /// Prints a warning to standard error.
-pub(crate) fn warn(what: impl Display) {
-    eprintln!("pumice: {}", one_line(&what.to_string()));
+///
+/// # Errors
+/// Where standard error is closed or full. What was to be said is lost then, so the exit code must tell that something was.
+pub(crate) fn warn(what: impl Display) -> Result<(), Failure> {
+    writeln!(std::io::stderr(), "pumice: {}", one_line(&what.to_string()))
+        .map_err(|e| Failure::new(format_args!("standard error: {e}")))
 }
 
 /// Prints a text as it is to standard output, which may have several lines.

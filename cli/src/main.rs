@@ -40,8 +40,7 @@ fn main() -> ExitCode {
         watched.cancel();
     });
     if let Err(error) = handler {
-        warn(format_args!("Ctrl-C cannot be handled here: {error}"));
-        return ExitCode::from(2);
+        return bad(&format_args!("Ctrl-C cannot be handled here: {error}"));
     }
 
     let run = || match cli.command {
@@ -62,11 +61,14 @@ fn main() -> ExitCode {
     match with_threads(run).unwrap_or_else(|e| Err(e.into())) {
         Ok(Answer::Yes) | Err(Failure::StdoutClosed) => ExitCode::SUCCESS,
         Ok(Answer::No) => ExitCode::from(1),
-        Err(failure @ Failure::Bad(_)) => {
-            warn(failure);
-            ExitCode::from(2)
-        }
+        Err(failure @ Failure::Bad(_)) => bad(&failure),
     }
+}
+
+/// Says why the command stops. Where standard error is closed too, the exit code alone says that it does.
+fn bad(why: &dyn std::fmt::Display) -> ExitCode {
+    let _ = warn(why);
+    ExitCode::from(2)
 }
 
 /// Help and version go to standard output with exit code 0; bad usage is one line on standard error with exit code 2.
@@ -74,9 +76,13 @@ fn usage(error: &clap::Error) -> ExitCode {
     use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
     match error.kind() {
         DisplayHelp | DisplayVersion => {
-            // Printing fails only where standard output is closed; that is not an error of the command.
-            let _ = error.print();
-            ExitCode::SUCCESS
+            // A reader that has seen enough (`pumice --help | head`) is no error of the command; a full disk is.
+            match error.print() {
+                Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
+                    bad(&format_args!("standard output: {e}"))
+                }
+                _ => ExitCode::SUCCESS,
+            }
         }
         DisplayHelpOnMissingArgumentOrSubcommand => {
             let _ = error.print();
@@ -94,8 +100,7 @@ fn usage(error: &clap::Error) -> ExitCode {
             let what = what.strip_prefix("error: ").unwrap_or(what);
             let line =
                 what.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ");
-            warn(format_args!("{line} (see pumice --help)"));
-            ExitCode::from(2)
+            bad(&format_args!("{line} (see pumice --help)"))
         }
     }
 }

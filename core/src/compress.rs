@@ -79,10 +79,8 @@ pub(crate) fn volume_of_parts(
     let threads = options.thread_count();
     let parts = store.into_parts();
     let budget = Budget { limit_bytes: options.memory_limit_bytes, threads };
-    let pool = rayon::ThreadPoolBuilder::new()
-        .num_threads(threads)
-        .build()
-        .map_err(|e| Error::Caller(format!("cannot start {threads} threads: {e}")))?;
+    let pool =
+        rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| no_threads(threads, e))?;
     pool.install(|| {
         let (raw, labels) = boxes_of_parts(&parts, &budget, job)?;
         // If blocks overlap in one label, the OR has fewer voxels than they delivered. Overlap of two labels shows later, in the search for
@@ -170,12 +168,10 @@ fn make_parts(
                     work(block);
                 }
             };
-            let started =
-                std::thread::Builder::new().name("pumice-compress".into()).spawn_scoped(scope, worker);
-            if let Err(e) = started {
-                // Closes the queue, so that the workers that did start end.
+            if let Err(error) = std::thread::Builder::new().spawn_scoped(scope, worker) {
+                // Ends the workers that have started.
                 drop(send);
-                return Err(Error::Caller(format!("cannot start {threads} threads: {e}")));
+                return Err(no_threads(threads, error));
             }
         }
         let mut delivered = 0u64;
@@ -216,6 +212,10 @@ fn make_parts(
         )));
     }
     Ok(labelled.into_inner())
+}
+
+fn no_threads(threads: usize, error: impl std::fmt::Display) -> Error {
+    Error::Caller(format!("cannot start {threads} threads: {error}"))
 }
 
 /// Whether a block cuts through cells at a face that is not the volume's end.

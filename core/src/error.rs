@@ -4,6 +4,8 @@ use std::path::PathBuf;
 
 use crate::{NoMemory, TargetError};
 
+pub use crate::one_line::{excerpt, one_line};
+
 /// A failure of compressing, storing or reading a volume.
 ///
 /// The text of each variant is one line that says what, where, what was expected and what to do. Programs print it unchanged.
@@ -68,7 +70,7 @@ impl From<TargetError> for Error {
     fn from(error: TargetError) -> Self {
         match error {
             TargetError::Io { path, source } => Self::Io { path, source },
-            TargetError::NoFile { .. } => Self::Caller(error.to_string()),
+            TargetError::Refused { .. } => Self::Caller(error.to_string()),
         }
     }
 }
@@ -84,31 +86,3 @@ fn way_out(version: u32) -> &'static str {
 
 /// Result of the core.
 pub type Result<T> = std::result::Result<T, Error>;
-
-/// Makes a text from outside printable in one line: control characters, which could break the line or steer a terminal, become escapes.
-///
-/// Parsers quote what they found, so without this a file could send arbitrary control sequences to the user's terminal.
-pub fn one_line(text: &str) -> String {
-    let mut line = String::with_capacity(text.len());
-    for c in text.chars() {
-        // Unicode's line and paragraph separators are not control characters, yet they break lines.
-        if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') {
-            line.extend(c.escape_debug());
-        } else {
-            line.push(c);
-        }
-    }
-    line
-}
-
-#[cfg(test)]
-mod tests {
-    use super::one_line;
-
-    #[test]
-    fn lines_are_not_broken_and_terminals_not_steered() {
-        assert_eq!(one_line("a\nb\r\u{1b}[2Jc\u{85}\u{2028}d"), "a\\nb\\r\\u{1b}[2Jc\\u{85}\\u{2028}d");
-        let harmless = "ungültig „x\" 'y' 脑";
-        assert_eq!(one_line(harmless), harmless);
-    }
-}

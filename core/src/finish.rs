@@ -48,18 +48,24 @@ const BYTES_A_BOX: u64 = 140;
 /// Bytes for each field: 8 raw, and 8 more while the results of tasks are joined, as an entry for the dictionary, or in its node.
 const BYTES_A_FIELD: u64 = 16;
 
+/// Bytes that counting may take whatever the limit: less than a program takes for itself.
+const COUNTING_BYTES: u64 = 64 << 20;
+
 impl Budget {
     /// Returns an error if the memory does not suffice; the error gives the limit that would.
     fn check(&self, index_bytes: u64, boxes: u64, fields: u64, largest_label: u64) -> Result<()> {
-        let need = index_bytes
-            + boxes * BYTES_A_BOX
-            + fields * BYTES_A_FIELD
-            + largest_label * size_of::<Cell>() as u64 * self.threads as u64;
+        let need =
+            boxes * BYTES_A_BOX + fields * BYTES_A_FIELD + self.counting_bytes(index_bytes, largest_label);
         let got = need.saturating_mul(4).div_ceil(3);
         match self.limit_bytes {
             Some(limit) if got > limit => Err(Error::Limit { what: "bytes of memory".into(), limit, got }),
             _ => Ok(()),
         }
+    }
+
+    /// Bytes that counting boxes takes: the index, and the records of one label a thread.
+    fn counting_bytes(&self, index_bytes: u64, largest_label: u64) -> u64 {
+        index_bytes + largest_label * size_of::<Cell>() as u64 * self.threads as u64
     }
 }
 
@@ -93,7 +99,13 @@ pub(crate) fn boxes_of_parts(
         }
     }
     tasks.push((first_label, &runs[start..]));
-    budget.check(index_bytes, 0, 0, largest)?;
+    if budget.counting_bytes(index_bytes, largest) > COUNTING_BYTES {
+        budget.check(index_bytes, 0, 0, largest).map_err(|error| match error {
+            // What the boxes take is not known: counting them would take more than the caller allows.
+            Error::Limit { what, limit, got } => Error::Limit { what: format!("{what} or more"), limit, got },
+            other => other,
+        })?;
+    }
 
     // Each task yields the boxes, ids and voxel counts of its labels. Once the budget is exceeded, boxes are only counted, so that the
     // error can give the limit that would suffice.

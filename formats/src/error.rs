@@ -2,6 +2,8 @@
 
 use std::path::{Path, PathBuf};
 
+use pumice_core::TargetError;
+
 /// A failure of opening, reading or writing a label volume in a foreign format.
 #[derive(Debug, thiserror::Error)]
 #[non_exhaustive]
@@ -154,6 +156,15 @@ impl FormatError {
     /// Makes a [`FormatError::Option`].
     pub(crate) fn option(path: &Path, what: impl Into<String>) -> Self {
         Self::Option { path: path.to_owned(), what: what.into() }
+    }
+}
+
+impl From<TargetError> for FormatError {
+    fn from(error: TargetError) -> Self {
+        match error {
+            TargetError::Io { path, source } => Self::Io { path, source },
+            TargetError::Refused { path, what } => Self::Option { path, what },
+        }
     }
 }
 

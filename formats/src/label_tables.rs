@@ -19,11 +19,10 @@ mod neuroglancer;
 mod slicer;
 mod text;
 
-use std::io::Write as _;
 use std::path::Path;
 
 use pumice_core::error::one_line;
-use pumice_core::{AnnotationTable, write_atomically};
+use pumice_core::{AnnotationTable, write_text};
 
 use crate::error::{FormatError, Result};
 
@@ -185,9 +184,7 @@ pub fn write_label_table(
     table: &AnnotationTable,
 ) -> pumice_core::Result<Vec<String>> {
     let (text, notes) = format.to_text(path, table)?;
-    write_atomically(path, |file| {
-        file.write_all(text.as_bytes()).map_err(|e| pumice_core::Error::from(FormatError::io(path)(e)))
-    })?;
+    write_text(path, &text)?;
     Ok(notes)
 }
 

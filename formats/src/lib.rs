@@ -37,6 +37,7 @@ mod ply;
 mod raw;
 mod registry;
 mod slab;
+mod slice_numbers;
 mod stream;
 mod text_stream;
 mod tiff;

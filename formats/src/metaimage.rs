@@ -3,7 +3,7 @@
 //! World space is ITK's, LPS. Each run of `NDims` numbers in `TransformMatrix` is the direction of one axis of the volume (as in ITK's
 //! `MetaImageIO`), and `Offset` is the centre of the first voxel.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DVec3;
 use pumice_core::{Unit, VolumeInfo, WorldFrame};
@@ -16,7 +16,7 @@ use crate::layout::{FileAxis, Layout, Role};
 use crate::metaimage_header::{self, DataFile, Encoding, MetaHeader};
 use crate::options::{OpenOptions, Warnings};
 use crate::placement;
-use crate::stream::{ByteStream, ChainedStream, PlainStream, open_file};
+use crate::stream::{ByteStream, ChainedStream, PlainStream, detached_files, open_file};
 use crate::text_stream::TextStream;
 use crate::volume_file::{Format, OpenStream, VolumeFile};
 
@@ -55,7 +55,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     )?;
     let layout = Layout::new(path, axes, element.bytes())?;
     let info = place(path, &header, VolumeInfo::new(layout.dims(), header.label_type), options)?;
-    let (stream, encoding) = data(path, &header, &layout, &options.warnings)?;
+    let (stream, encoding) = data(path, &header, &layout, options)?;
     Ok(VolumeFile {
         format: "MetaImage",
         encoding,
@@ -119,12 +119,12 @@ fn unit(path: &Path, name: Option<&str>, warnings: &Warnings) -> Unit {
     }
 }
 
-/// Prepares access to the voxels. Detached files are checked at once, so that a missing one is reported before any work is done.
+/// Prepares access to the voxels.
 fn data(
     path: &Path,
     header: &MetaHeader,
     layout: &Layout,
-    warnings: &Warnings,
+    options: &OpenOptions,
 ) -> Result<(OpenStream, String)> {
     let part = VoxelFile {
         encoding: header.encoding,
@@ -132,7 +132,7 @@ fn data(
         bytes: layout.total_bytes(),
         compressed_bytes: header.compressed_bytes,
         label_type: header.label_type,
-        warnings: warnings.clone(),
+        warnings: options.warnings.clone(),
     };
     let encoding = match header.encoding {
         Encoding::Raw => "raw",
@@ -147,15 +147,7 @@ fn data(
         }
         DataFile::Names(names) => names,
     };
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
-    for file in &files {
-        let metadata = std::fs::metadata(file)
-            .and_then(|m| if m.is_dir() { Err(std::io::ErrorKind::IsADirectory.into()) } else { Ok(m) });
-        if let Err(source) = metadata {
-            return Err(FormatError::Detached { header: path.to_owned(), data: file.clone(), source });
-        }
-    }
+    let files = detached_files(path, names, &options.outputs)?;
     let encoding = format!("{encoding}, detached");
     if let [file] = files.as_slice() {
         let place = part.place(file, 0)?;

@@ -6,12 +6,11 @@
 //! A file may give the volume's placement up to three times. The order of preference is that of nibabel's `get_best_affine`: sform, else
 //! qform, else the voxel lengths alone. The world is RAS (`nifti1.h`, "3D image (volume) orientation and location in space").
 
-use std::fs::File;
 use std::io::Read;
 use std::path::{Path, PathBuf};
 
 use glam::{DAffine3, DMat3, DQuat, DVec3};
-use pumice_core::{LabelType, Unit, VolumeInfo, WorldFrame};
+use pumice_core::{LabelType, Unit, VolumeInfo, WorldFrame, open_input};
 
 use crate::choice::{self, choose, refuse_absent};
 use crate::element::Element;
@@ -66,6 +65,8 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
 
     // Location of the voxels.
     let data_path = if header.single_file { header_path.clone() } else { image_path(&header_path)? };
+    options.outputs.check_input(&header_path)?;
+    options.outputs.check_input(&data_path)?;
     let offset = offset(&header_path, &header)?;
     let gzip = is_gzip(&data_path)?;
     if !gzip {
@@ -173,11 +174,11 @@ fn image_path(header: &Path) -> Result<PathBuf> {
     if let Some(found) = candidates.iter().find(|c| c.is_file()) {
         return Ok(found.clone());
     }
-    match File::open(&candidates[0]) {
-        Err(source) => {
-            Err(FormatError::Detached { header: header.to_owned(), data: candidates[0].clone(), source })
-        }
-        Ok(_) => Err(FormatError::damaged(header, format!("{}: expected a file", candidates[0].display()))),
+    let data = candidates[0].clone();
+    match open_input(&data) {
+        Err(source) => Err(FormatError::Detached { header: header.to_owned(), data, source }),
+        // It has come since.
+        Ok(_) => Ok(data),
     }
 }
 

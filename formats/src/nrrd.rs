@@ -3,7 +3,7 @@
 //! A file may have a `list` or `vector` axis: Slicer stores overlapping segments as several label maps side by side. Only one of them is
 //! read (`layer`). They are never merged, because a voxel with two labels would lose one of them.
 
-use std::path::{Path, PathBuf};
+use std::path::Path;
 
 use glam::DVec3;
 use pumice_core::{LabelNote, Unit, VolumeInfo, WorldFrame};
@@ -16,7 +16,7 @@ use crate::layout::{FileAxis, Layout, Role};
 use crate::nrrd_header::{self, DataFile, Encoding, NrrdHeader};
 use crate::options::{OpenOptions, Warnings};
 use crate::placement;
-use crate::stream::{ByteStream, ChainedStream, CountingFile, PlainStream, open_file};
+use crate::stream::{ByteStream, ChainedStream, CountingFile, PlainStream, detached_files, open_file};
 use crate::text_stream::TextStream;
 use crate::volume_file::{Format, Layer, OpenStream, VolumeFile};
 
@@ -76,7 +76,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     info = place(path, &header, &axes, info, options)?;
     info.notes = notes(&header, if layer_count > 1 { Some(options.layer.unwrap_or(0)) } else { None });
 
-    let (stream, encoding) = data(path, &header, &layout, &options.warnings)?;
+    let (stream, encoding) = data(path, &header, &layout, options)?;
     Ok(VolumeFile {
         format: if info.notes.is_empty() && layers.is_empty() {
             "NRRD"
@@ -339,12 +339,12 @@ fn segments_of(layer: &Layer) -> String {
     names.replace(char::is_control, " ")
 }
 
-/// Prepares access to the voxels. Detached files are checked at once, so that a missing one is reported before any work is done.
+/// Prepares access to the voxels.
 fn data(
     path: &Path,
     header: &NrrdHeader,
     layout: &Layout,
-    warnings: &Warnings,
+    options: &OpenOptions,
 ) -> Result<(OpenStream, String)> {
     let part = VoxelFile {
         encoding: header.encoding,
@@ -352,7 +352,7 @@ fn data(
         byte_skip: header.byte_skip,
         bytes: layout.total_bytes(),
         label_type: header.label_type,
-        warnings: warnings.clone(),
+        warnings: options.warnings.clone(),
     };
     let encoding = match header.encoding {
         Encoding::Raw => "raw",
@@ -366,15 +366,7 @@ fn data(
         }
         DataFile::Names(names) => names,
     };
-    let folder = path.parent().unwrap_or(Path::new(""));
-    let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
-    for file in &files {
-        let metadata = std::fs::metadata(file)
-            .and_then(|m| if m.is_dir() { Err(std::io::ErrorKind::IsADirectory.into()) } else { Ok(m) });
-        if let Err(source) = metadata {
-            return Err(FormatError::Detached { header: path.to_owned(), data: file.clone(), source });
-        }
-    }
+    let files = detached_files(path, names, &options.outputs)?;
     let count = files.len() as u64;
     if !layout.total_bytes().is_multiple_of(count) {
         return Err(FormatError::damaged(

@@ -2,7 +2,7 @@
 
 use std::sync::{Arc, Mutex, PoisonError};
 
-use pumice_core::LabelType;
+use pumice_core::{LabelType, Outputs};
 
 /// How to read a file that does not fully describe itself.
 #[derive(Clone, Debug, Default)]
@@ -23,6 +23,8 @@ pub struct OpenOptions {
     pub axes: Option<ArrayAxes>,
     /// Receives notices for the user that are not errors. Clone it before reading and list it afterwards.
     pub warnings: Warnings,
+    /// What the caller will write. Readers refuse to read one of these files, also where a header names it.
+    pub outputs: Outputs,
 }
 
 /// Layout of voxels without a header, in x-fastest order; a gzip file is recognised.

@@ -17,13 +17,13 @@
 //! A face of more than three corners becomes a fan of triangles about its first corner, which is right for convex faces. Other elements and
 //! properties are skipped. Counts in the header reserve no memory: if data is missing, reading fails.
 
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read};
 use std::path::Path;
 
 use pumice_core::MeshData;
 
 use crate::error::{FormatError, Result};
+use crate::stream::open_file;
 
 /// Longest header line in bytes, and largest number of lines; real headers are text of some hundred bytes.
 const MOST_LINE_BYTES: u64 = 4096;
@@ -71,8 +71,7 @@ pub(crate) fn is_ply(head: &[u8]) -> bool {
 
 /// Reads the mesh.
 pub(crate) fn read_ply(path: &Path) -> Result<MeshData> {
-    let file = File::open(path).map_err(FormatError::io(path))?;
-    read(BufReader::new(file)).map_err(|fault| match fault {
+    read(BufReader::new(open_file(path)?)).map_err(|fault| match fault {
         PlyError::Io(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => {
             FormatError::damaged(path, "the file ends before its mesh is complete")
         }

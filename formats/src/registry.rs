@@ -1,12 +1,12 @@
 //! The formats of label volumes that can be read, recognised by content first and by name second.
 
 use std::fmt::Write as _;
-use std::fs::File;
 use std::io::Read;
 use std::path::Path;
 
 use crate::error::{FormatError, Result};
 use crate::options::OpenOptions;
+use crate::stream::open_file;
 use crate::volume_file::{Format, VolumeFile};
 use crate::{metaimage, nifti, npy, npz, nrrd, raw, tiff, tiff_folder};
 
@@ -20,6 +20,7 @@ const HEAD_BYTES: u64 = 1024;
 
 /// Reads the header of a file, or of a folder of TIFF slices. Raw voxels are read where the options describe them.
 pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
+    options.outputs.check_input(path)?;
     if let Some(layout) = &options.raw {
         refuse_axes(path, options, "raw voxels lie with x fastest")?;
         return raw::read(path, layout, options);
@@ -30,9 +31,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         return tiff_folder::read(path, options);
     }
     let mut head = Vec::new();
-    File::open(path)
-        .and_then(|file| file.take(HEAD_BYTES).read_to_end(&mut head))
-        .map_err(FormatError::io(path))?;
+    open_file(path)?.take(HEAD_BYTES).read_to_end(&mut head).map_err(FormatError::io(path))?;
     if head.is_empty() {
         return Err(FormatError::damaged(path, "the file is empty"));
     }

@@ -6,6 +6,8 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 use std::sync::atomic::{AtomicU64, Ordering};
 
+use pumice_core::{Outputs, open_input};
+
 use crate::error::{FormatError, Result};
 
 /// Number of bytes that are read from disk at once.
@@ -98,13 +100,25 @@ impl BufRead for CountingFile {
     }
 }
 
-/// Opens a file for reading. A folder is an explicit error, because some systems allow opening it.
+/// Opens an ordinary file for reading.
 pub(crate) fn open_file(path: &Path) -> Result<File> {
-    let file = File::open(path).map_err(FormatError::io(path))?;
-    if file.metadata().map_err(FormatError::io(path))?.is_dir() {
-        return Err(FormatError::Io { path: path.to_owned(), source: io::ErrorKind::IsADirectory.into() });
+    open_input(path).map_err(FormatError::io(path))
+}
+
+/// The files with the voxels, of which a header has the names, relative to its folder. Each is looked for at once, so that a missing one
+/// is reported before any work is done.
+pub(crate) fn detached_files(header: &Path, names: &[String], outputs: &Outputs) -> Result<Vec<PathBuf>> {
+    let folder = header.parent().unwrap_or(Path::new(""));
+    let files: Vec<PathBuf> = names.iter().map(|name| folder.join(name)).collect();
+    for data in &files {
+        outputs.check_input(data)?;
+        open_input(data).map_err(|source| FormatError::Detached {
+            header: header.to_owned(),
+            data: data.clone(),
+            source,
+        })?;
     }
-    Ok(file)
+    Ok(files)
 }
 
 /// Voxels stored without compression.

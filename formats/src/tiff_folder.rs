@@ -11,6 +11,7 @@ use crate::error::{FormatError, Result};
 use crate::layout::Layout;
 use crate::options::OpenOptions;
 use crate::placement;
+use crate::slice_numbers::{Gap, gap};
 use crate::stream::{ByteStream, ChainedStream};
 use crate::tiff::{plane_bytes, same_shape};
 use crate::tiff_ifd::TiffFile;
@@ -38,10 +39,12 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             what: "the folder has no TIFF slices (.tif, .tiff) in it".into(),
         });
     };
+    refuse_gap(folder, &files)?;
 
     // All slices must have the same shape and one page each.
     let mut expected = None;
     for file in &files {
+        options.outputs.check_input(file)?;
         let mut tiff = TiffFile::open(file)?;
         let pages = tiff.pages()?;
         if pages.len() > 1 {
@@ -91,6 +94,20 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         choices: Vec::new(),
         stream,
     })
+}
+
+/// Refuses a folder in which a slice is missing: what is read would be too short, and all behind the gap in the wrong place.
+fn refuse_gap(folder: &Path, files: &[PathBuf]) -> Result<()> {
+    let names: Vec<_> = files.iter().map(|f| f.file_name().unwrap_or_default().to_string_lossy()).collect();
+    let names: Vec<&str> = names.iter().map(|name| name.as_ref()).collect();
+    let Some(Gap { missing, count, before, after }) = gap(&names) else { return Ok(()) };
+    let more = if count == 1 { String::new() } else { format!(" (the first of {count})") };
+    Err(FormatError::damaged(
+        folder,
+        format!(
+            "slice number {missing} is missing between {before} and {after}{more}: add it, or number the slices without a gap"
+        ),
+    ))
 }
 
 /// Orders `slice9 < slice10`: runs of digits compare as numbers, everything else as text.

@@ -68,6 +68,8 @@ pub(crate) struct Directory {
 pub(crate) struct TiffFile {
     path: PathBuf,
     file: BufReader<File>,
+    /// Where in the file the next byte is read: asking the system for each number would take most of the time of opening.
+    position: u64,
     pub(crate) big_endian: bool,
     big_tiff: bool,
     pub(crate) file_bytes: u64,
@@ -82,6 +84,7 @@ impl TiffFile {
         let mut tiff = Self {
             path: path.to_owned(),
             file: BufReader::new(file),
+            position: 0,
             big_endian: false,
             big_tiff: false,
             file_bytes,
@@ -266,14 +269,15 @@ impl TiffFile {
             ));
         }
         // Relative seeks keep the buffer, because entries of one directory lie side by side.
-        let now = self.file.stream_position().map_err(FormatError::io(&self.path))?;
-        let step = i64::try_from(i128::from(at) - i128::from(now));
+        let step = i64::try_from(i128::from(at) - i128::from(self.position));
         match step {
             Ok(step) => self.file.seek_relative(step),
             Err(_) => self.file.seek(SeekFrom::Start(at)).map(|_| ()),
         }
         .and_then(|()| self.file.read_exact(bytes))
-        .map_err(FormatError::io(&self.path))
+        .map_err(FormatError::io(&self.path))?;
+        self.position = at + bytes.len() as u64;
+        Ok(())
     }
 
     fn damaged(&self, what: &str, at: u64) -> FormatError {

@@ -11,7 +11,7 @@ use std::fs::File;
 use std::io::{self, BufWriter};
 use std::path::Path;
 
-use pumice_core::{LabelType, VolumeInfo};
+use pumice_core::{LabelType, VolumeInfo, write_atomically};
 
 use crate::error::{FormatError, Result};
 use crate::voxel_writer::VoxelWriter;
@@ -36,33 +36,21 @@ pub fn write_volume(out: &Path, info: &VolumeInfo, decode: &mut DecodeIds<'_>) -
         return Err(FormatError::option(out, "the volume has no voxels, so there is nothing to write").into());
     }
 
-    // A hidden file in the same folder, so that the final rename stays on one disk.
-    let folder = out.parent().filter(|p| !p.as_os_str().is_empty()).unwrap_or(Path::new("."));
-    let mut builder = tempfile::Builder::new();
-    builder.prefix(".pumice-");
-    #[cfg(unix)]
-    {
-        // The permissions that the user's umask allows, as for any new file; the crate's default is meant for secrets.
-        use std::os::unix::fs::PermissionsExt as _;
-        builder.permissions(std::fs::Permissions::from_mode(0o666));
-    }
-    // Only the kind of the error is reported, because the name of the hidden file means nothing to the user.
-    let temporary = builder.tempfile_in(folder).map_err(|e| FormatError::io(folder)(e.kind().into()))?;
-    let to_file = temporary.reopen().map_err(FormatError::io(out))?;
-    let to_file = BufWriter::with_capacity(1 << 20, to_file);
-
-    let mut writer = start(info, to_file).map_err(FormatError::io(out))?;
-    let mut bytes = Vec::new();
-    for (origin, dims) in slabs(info.dims) {
-        let ids = decode(origin, dims)?;
-        bytes.clear();
-        encode(out, &ids, info.label_type, &mut bytes)?;
-        writer.write_voxels(&bytes).map_err(FormatError::io(out))?;
-    }
-    let file = writer.finish().map_err(FormatError::io(out))?;
-    file.sync_all().map_err(FormatError::io(out))?;
-    temporary.persist(out).map_err(|e| FormatError::Io { path: out.to_owned(), source: e.error })?;
-    Ok(())
+    write_atomically(out, |file| {
+        // Writers own the file that they write to: a second handle on the same one.
+        let to_file = file.get_ref().try_clone().map_err(FormatError::io(out))?;
+        let mut writer =
+            start(info, BufWriter::with_capacity(1 << 20, to_file)).map_err(FormatError::io(out))?;
+        let mut bytes = Vec::new();
+        for (origin, dims) in slabs(info.dims) {
+            let ids = decode(origin, dims)?;
+            bytes.clear();
+            encode(out, &ids, info.label_type, &mut bytes)?;
+            writer.write_voxels(&bytes).map_err(FormatError::io(out))?;
+        }
+        writer.finish().map_err(FormatError::io(out))?;
+        Ok(())
+    })
 }
 
 /// Starts a file with its header.

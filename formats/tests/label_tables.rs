@@ -398,7 +398,7 @@ fn what_is_no_file_is_refused() {
         read_label_table(Path::new("/dev/zero"))
             .unwrap_err()
             .to_string()
-            .contains("something that is not a file")
+            .contains("expected an ordinary file, got a device")
     );
     let error = read_label_table(folder.path()).unwrap_err().to_string();
     assert!(error.contains("info"), "{error}");
@@ -409,7 +409,7 @@ fn what_is_no_file_is_refused() {
         read_label_table(&path)
             .unwrap_err()
             .to_string()
-            .contains("the table's length in bytes is 1099511627776, the limit is")
+            .contains("expected a file of at most 1073741824 bytes, got 1099511627776")
     );
     assert!(LabelTableFormat::of_file_name(Path::new("t.xls")).is_err());
 }

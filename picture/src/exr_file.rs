@@ -446,7 +446,7 @@ mod tests {
         assert!(line.contains("a.exr") && line.contains("No such file") && !line.contains('\n'), "{line}");
 
         let error = write_exr(folder.path(), &picture, &Passes::ALL).unwrap_err().to_string();
-        assert!(error.ends_with("is a folder, expected a file"), "{error}");
+        assert!(error.ends_with("expected an ordinary file, got a folder"), "{error}");
 
         let path = folder.path().join("b.exr");
         std::fs::write(&path, "before").unwrap();

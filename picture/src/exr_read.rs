@@ -7,7 +7,6 @@
 //! ```
 
 use std::collections::{BTreeMap, HashSet};
-use std::fs::File;
 use std::io::{BufRead, BufReader, Read, Seek};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
@@ -19,8 +18,8 @@ use exr::meta::MetaData;
 use exr::meta::attribute::{AttributeValue, SampleType, Text};
 use exr::meta::header::Header;
 use exr::prelude::{Vec2, f16};
-use pumice_core::NoMemory;
 use pumice_core::reserve::reserved;
+use pumice_core::{NoMemory, open_input};
 use rayon::prelude::*;
 
 use crate::cryptomatte::{self, Matte};
@@ -53,20 +52,15 @@ enum ChannelTarget {
 /// Reads the picture at `path`.
 pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
     let io = |source| PictureError::Io { path: path.to_owned(), source };
-    let refuse = |what| PictureError::File { path: path.to_owned(), what };
-    let file = File::open(path).map_err(io)?;
-    let facts = file.metadata().map_err(io)?;
-    if !facts.is_file() {
-        return Err(refuse("is not an ordinary file".into()));
-    }
+    let file = open_input(path).map_err(io)?;
+    let length_bytes = file.metadata().map_err(io)?.len();
     let mut reader = BufReader::new(file);
     if reader.fill_buf().map_err(io)?.starts_with(b"\x89PNG\r\n\x1A\n") {
-        return Err(refuse(
-            "expected an OpenEXR picture, got a PNG, which has neither passes nor scene-linear colours"
-                .into(),
-        ));
+        let what =
+            "expected an OpenEXR picture, got a PNG, which has neither passes nor scene-linear colours";
+        return Err(PictureError::File { path: path.to_owned(), what: what.into() });
     }
-    read_from(reader, facts.len()).map_err(|failure| failure.at(path))
+    read_from(reader, length_bytes).map_err(|failure| failure.at(path))
 }
 
 /// Reads only the provenance; `None` if the file has none.

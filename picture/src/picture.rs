@@ -122,7 +122,7 @@ impl From<TargetError> for PictureError {
     fn from(error: TargetError) -> Self {
         match error {
             TargetError::Io { path, source } => Self::Io { path, source },
-            TargetError::NoFile { path, what } => Self::File { path, what },
+            TargetError::Refused { path, what } => Self::File { path, what },
         }
     }
 }

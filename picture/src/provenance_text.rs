@@ -1,9 +1,9 @@
 //! Writes provenance as the text that picture files carry, and reads it from OpenEXR and PNG files.
 
-use std::fs::File;
 use std::io::{BufReader, Read, Seek};
 use std::path::Path;
 
+use pumice_core::open_input;
 use serde::Serialize;
 
 use crate::exr_read::{self, Failure};
@@ -20,7 +20,7 @@ pub(crate) const PROVENANCE_KEY: &str = "pumice";
 /// provenance is not one that this version knows.
 pub fn read_provenance(path: &Path) -> Result<Option<Provenance>, PictureError> {
     let read = || {
-        let mut file = BufReader::new(File::open(path).map_err(Failure::Io)?);
+        let mut file = BufReader::new(open_input(path).map_err(Failure::Io)?);
         let mut signature = Vec::new();
         file.by_ref().take(8).read_to_end(&mut signature).map_err(Failure::Io)?;
         file.rewind().map_err(Failure::Io)?;

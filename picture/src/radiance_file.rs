@@ -4,13 +4,13 @@
 //! The numbers are taken as they stand: `EXPOSURE` of the header is not divided out, as in Blender and OpenImageIO. Rows come from the top,
 //! pixels from the left (`-Y H +X W`); other orders are refused.
 
-use std::fs::File;
 use std::io::{BufReader, Seek, SeekFrom};
 use std::path::Path;
 
 use ::image::codecs::hdr::HdrDecoder;
 use ::image::error::ImageError;
 use ::image::{ColorType, ImageDecoder};
+use pumice_core::open_input;
 
 use pumice_core::reserve::zeroed;
 
@@ -34,7 +34,7 @@ pub fn read_hdr(path: &Path) -> Result<Image, PictureError> {
 }
 
 fn read(path: &Path) -> Result<Image, Failure> {
-    let mut file = File::open(path).map_err(Failure::Io)?;
+    let mut file = open_input(path).map_err(Failure::Io)?;
     let length_bytes = file.seek(SeekFrom::End(0)).map_err(Failure::Io)?;
     file.rewind().map_err(Failure::Io)?;
     let decoder = HdrDecoder::new(BufReader::new(file))?;

@@ -1,5 +1,8 @@
 //! Errors of scenes. Each text is one line that says what is wrong and where.
 
+use pumice_core::TargetError;
+use pumice_core::error::excerpt;
+
 /// Why a scene is refused.
 ///
 /// The text of each variant is one line: control characters from a file are escaped, and long names are cut.
@@ -46,23 +49,16 @@ impl From<serde_json::Error> for SceneError {
         let text = error.to_string();
         // serde_json ends its text with the line and column, which the variant has as fields.
         let what = text.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&text);
-        Self::Json { line, column, what: one_line(what) }
+        Self::Json { line, column, what: excerpt(what, MOST_CHARS) }
     }
 }
 
-/// `text` on one line: control characters escaped, cut to [`MOST_CHARS`] characters.
-pub(crate) fn one_line(text: &str) -> String {
-    let mut out = String::new();
-    for (i, c) in text.chars().enumerate() {
-        if i == MOST_CHARS {
-            return out + "…";
-        }
-        // U+2028 and U+2029 break lines too.
-        if c.is_control() || matches!(c, '\u{2028}' | '\u{2029}') {
-            out.extend(c.escape_default());
-        } else {
-            out.push(c);
+impl From<TargetError> for SceneError {
+    fn from(error: TargetError) -> Self {
+        match error {
+            // The file's name is for the caller to say, as it is where a scene is read.
+            TargetError::Io { source, .. } => Self::Io(source),
+            TargetError::Refused { what, .. } => Self::Field { field: "file".into(), problem: what },
         }
     }
-    out
 }

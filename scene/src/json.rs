@@ -1,8 +1,8 @@
 //! The JSON form of a scene: the types of this crate and nothing else. Its version is checked before any other field.
 
-use std::io::{Read as _, Write as _};
 use std::path::{Path, PathBuf};
 
+use pumice_core::{read_input, write_text};
 use serde::Deserialize;
 
 use crate::{Environment, SCENE_VERSION, Scene, SceneError};
@@ -52,16 +52,8 @@ impl Scene {
     /// # Errors
     /// As [`Scene::from_json`], and when the file cannot be read.
     pub fn load(path: &Path) -> Result<Self, SceneError> {
-        let file_error = |problem: String| SceneError::Field { field: "file".into(), problem };
-        if !std::fs::metadata(path)?.is_file() {
-            return Err(file_error("expected an ordinary file".into()));
-        }
-        let mut text = String::new();
-        // Reading one byte more than allowed detects a file that is too long, even one that grows while it is read.
-        std::fs::File::open(path)?.take(LIMIT_BYTES + 1).read_to_string(&mut text)?;
-        if text.len() as u64 > LIMIT_BYTES {
-            return Err(file_error(format!("expected at most {LIMIT_BYTES} bytes, got more")));
-        }
+        let text = String::from_utf8(read_input(path, LIMIT_BYTES)?)
+            .map_err(|e| std::io::Error::new(std::io::ErrorKind::InvalidData, e.utf8_error()))?;
         let mut scene = Self::from_json(&text)?;
         let folder = folder_of(path)?;
         scene.paths_mut().for_each(|p| *p = folder.join(&*p));
@@ -84,32 +76,11 @@ impl Scene {
                 *p = below.to_owned();
             }
         }
-        let text = scene.to_json()?;
-
-        // A rename over a device or a pipe would replace it by a file, for every user of the machine.
-        if std::fs::metadata(path).is_ok_and(|there| !there.is_file()) {
-            return Err(SceneError::Field {
-                field: "file".into(),
-                problem: "expected an ordinary file".into(),
-            });
-        }
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".pumice-");
-        // Temporary files are private by default; a scene gets the permissions that any new file would.
-        #[cfg(unix)]
-        builder.permissions(std::os::unix::fs::PermissionsExt::from_mode(0o666));
-        // If the folder is missing, this call gives the system's own error text: `tempfile` would add its temporary name, which means
-        // nothing to the user.
-        std::fs::metadata(&folder)?;
-        let mut file = builder.tempfile_in(&folder).map_err(|e| std::io::Error::from(e.kind()))?;
-        file.write_all(text.as_bytes())?;
-        file.as_file().sync_all()?;
-        file.persist(path).map_err(|e| e.error)?;
-        Ok(())
+        Ok(write_text(path, &scene.to_json()?)?)
     }
 
     /// The paths of all files that the scene names, each with the path of its field in the JSON form.
-    fn paths(&self) -> Vec<(String, &Path)> {
+    pub fn paths(&self) -> Vec<(String, &Path)> {
         let sources = self.instances.iter().enumerate();
         let mut paths: Vec<_> =
             sources.map(|(i, s)| (format!("instances[{i}].source"), s.source.as_path())).collect();

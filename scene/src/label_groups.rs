@@ -163,10 +163,10 @@ impl LabelGroups {
             }
         }
         // Rising ids are in order and occur once, so nothing of a group is left to check.
-        let groups = materials.iter().zip(members).map(|((material, _), members)| LabelGroup {
-            material: *material,
-            members: Arc::new(members),
-        });
+        let groups = materials
+            .iter()
+            .zip(members)
+            .map(|((material, _), members)| LabelGroup { material: *material, members: Arc::new(members) });
         Ok(Self(groups.collect()))
     }
 

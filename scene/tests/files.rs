@@ -67,8 +67,9 @@ fn what_cannot_be_read_or_written_is_told_in_one_line() {
     assert_eq!(kind(Scene::load(&missing).unwrap_err()), std::io::ErrorKind::NotFound);
     assert_eq!(kind(full_scene().save(&missing).unwrap_err()), std::io::ErrorKind::NotFound);
     line(full_scene().save(&missing).unwrap_err());
-    assert_eq!(line(Scene::load(folder.path()).unwrap_err()), "file: expected an ordinary file");
-    assert_eq!(line(full_scene().save(folder.path()).unwrap_err()), "file: expected an ordinary file");
+    let no_file = "expected an ordinary file, got a folder";
+    assert_eq!(line(Scene::load(folder.path()).unwrap_err()), no_file);
+    assert_eq!(line(full_scene().save(folder.path()).unwrap_err()), format!("file: {no_file}"));
     let binary = folder.path().join("binary.json");
     std::fs::write(&binary, [0xff, 0xfe, 0]).unwrap();
     assert_eq!(kind(Scene::load(&binary).unwrap_err()), std::io::ErrorKind::InvalidData);

@@ -11,12 +11,12 @@ mod choice;
 mod fallback;
 mod machine;
 
-use std::fs::File;
 use std::io::Read as _;
 use std::path::Path;
 
 use card::Card;
 use choice::Way;
+use pumice_core::open_input;
 use pumice_cpu::CpuRenderer;
 use pumice_picture::{Image, radiance_file};
 use pumice_vulkan::device::{Backend, DeviceKind};
@@ -164,7 +164,7 @@ fn opener(way: Way) -> fallback::Way {
 pub fn read_environment(path: &Path) -> std::result::Result<Image, String> {
     let mut first = [0; radiance_file::MAGIC.len()];
     // A file that cannot be opened, or is shorter, is the next reader's to name.
-    let is_radiance = File::open(path).and_then(|mut file| file.read_exact(&mut first)).is_ok()
+    let is_radiance = open_input(path).and_then(|mut file| file.read_exact(&mut first)).is_ok()
         && first == *radiance_file::MAGIC;
     let image = match is_radiance {
         true => pumice_picture::read_hdr(path),

@@ -2,7 +2,9 @@
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::{CompressOptions, CompressedVolume, CompressionLevel, Job, TypeTable, Verification};
+use pumice_core::{
+    CompressOptions, CompressedVolume, CompressionLevel, Job, Outputs, TypeTable, Verification, read_input,
+};
 use pumice_formats::OpenOptions;
 use serde::Serialize;
 
@@ -64,6 +66,9 @@ pub struct CompressOutcome {
 /// stands there.
 pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOutcome> {
     let clock = Stopwatch::start();
+    let outputs = &request.reading.outputs;
+    outputs.declare(&request.output)?;
+    request.types.iter().chain(&request.table).try_for_each(|table| outputs.check_input(table))?;
     let types = request.types.as_deref().map(read_types).transpose()?;
     let table = request.table.as_deref().map(read_table).transpose()?;
     let mut source = pumice_formats::open(&request.input, &request.reading)?;
@@ -74,10 +79,10 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         ..CompressOptions::default()
     };
     let mut volume = pumice_core::compress(source.as_mut(), &options, job).map_err(|e| match e {
-        pumice_core::Error::Limit { limit, got, .. } if Some(limit) == request.memory_limit_bytes => {
-            let input = request.input.display();
+        pumice_core::Error::Limit { what, limit, got } if Some(limit) == request.memory_limit_bytes => {
+            let (input, what) = (request.input.display(), what.replacen(" of memory", "", 1));
             SessionError::Caller(format!(
-                "{input}: --memory-limit {limit} is too small: {got} bytes are needed"
+                "{input}: --memory-limit {limit} is too small: {got} {what} are needed"
             ))
         }
         other => other.into(),
@@ -114,6 +119,9 @@ pub fn verify_file(pumice: &Path, input: &Path, reading: &OpenOptions, job: &Job
 /// # Errors
 /// When the file is damaged, the extension names no known format, or the output cannot be written.
 pub fn decompress_file(pumice: &Path, out: &Path, job: &Job) -> Result<()> {
+    let outputs = Outputs::default();
+    outputs.declare(out)?;
+    outputs.check_input(pumice)?;
     let volume = CompressedVolume::open(pumice, job)?;
     let info = volume.info().clone();
     job.begin(info.voxels());
@@ -128,14 +136,14 @@ pub fn decompress_file(pumice: &Path, out: &Path, job: &Job) -> Result<()> {
 /// Largest table of types that is read: 10⁷ labels with names of some 90 bytes.
 const TYPES_LIMIT_BYTES: u64 = 1 << 30;
 
-fn read_types(path: &Path) -> Result<TypeTable> {
-    let bytes = std::fs::metadata(path).map_err(io(path))?.len();
+/// The table of types in a CSV file id,type.
+///
+/// # Errors
+/// One line that says what is wrong with the file, and where.
+pub fn read_types(path: &Path) -> Result<TypeTable> {
     let fault = |what: String| SessionError::Caller(format!("{}: {what}", path.display()));
-    if bytes > TYPES_LIMIT_BYTES {
-        return Err(fault(format!(
-            "a table of types of {bytes} bytes is more than the limit of {TYPES_LIMIT_BYTES}"
-        )));
-    }
-    let text = std::fs::read_to_string(path).map_err(io(path))?;
+    let bytes = read_input(path, TYPES_LIMIT_BYTES).map_err(io(path))?;
+    let text =
+        String::from_utf8(bytes).map_err(|e| fault(format!("expected text in UTF-8: {}", e.utf8_error())))?;
     TypeTable::parse_csv(&text).map_err(|e| fault(e.to_string()))
 }

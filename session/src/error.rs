@@ -42,6 +42,12 @@ pub enum SessionError {
     Caller(String),
 }
 
+impl From<pumice_core::TargetError> for SessionError {
+    fn from(error: pumice_core::TargetError) -> Self {
+        Self::Core(error.into())
+    }
+}
+
 /// Result of a session.
 pub type Result<T> = std::result::Result<T, SessionError>;
 

@@ -69,6 +69,7 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
     let clock = Stopwatch::start();
     let format = FileFormat::of(&request.out)?;
     format.check_forms(&request.forms)?;
+    request.reading.outputs.declare(&request.out)?;
     let region = request.region.map(|[low, high]| VoxelRegion::new(low, high)).transpose()?;
     if request.reader != Reader::Specification && !format.is_usd() {
         let ending = format.ending();

@@ -115,6 +115,7 @@ pub fn write_labels(request: &TableRequest, job: &Job) -> Result<TableOutcome> {
     // Mistakes in the request show before the volume is read.
     let query = parse_query(&request.query)?;
     let format = request.format.map_or_else(|| LabelTableFormat::of_file_name(&request.out), Ok)?;
+    request.reading.outputs.declare(&request.out)?;
     let volume = open_volume(&request.input, &request.reading, Residence::Mapped, job)?;
     let mut rows = LabelRows::of(&volume);
     let chosen = rows.sorted(&query, "id")?;

@@ -31,7 +31,9 @@ pub mod verify_render;
 
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
-pub use compress_file::{CompressOutcome, CompressRequest, compress_file, decompress_file, verify_file};
+pub use compress_file::{
+    CompressOutcome, CompressRequest, compress_file, decompress_file, read_types, verify_file,
+};
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info};

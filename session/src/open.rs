@@ -5,7 +5,7 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use pumice_core::{BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData};
+use pumice_core::{BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData, open_input};
 use pumice_formats::OpenOptions;
 use pumice_scene::{Scene, Show};
 
@@ -20,7 +20,7 @@ pub fn is_pumice_file(path: &Path) -> Result<bool> {
         return Ok(false);
     }
     let mut magic = [0u8; 8];
-    let mut file = std::fs::File::open(path).map_err(io(path))?;
+    let mut file = open_input(path).map_err(io(path))?;
     let mut got = 0;
     while got < magic.len() {
         match file.read(&mut magic[got..]).map_err(io(path))? {
@@ -34,8 +34,9 @@ pub fn is_pumice_file(path: &Path) -> Result<bool> {
 /// Whether a file that a caller wants to read is a `.pumice` file. Only others may leave the order of their axes to the caller.
 ///
 /// # Errors
-/// When the file cannot be read, and for a `.pumice` file with an order of axes.
+/// When the file cannot be read or is an output of the caller, and for a `.pumice` file with an order of axes.
 pub(crate) fn is_compressed(path: &Path, reading: &OpenOptions) -> Result<bool> {
+    reading.outputs.check_input(path)?;
     let compressed = is_pumice_file(path)?;
     match reading.axes {
         Some(axes) if compressed => Err(SessionError::Caller(format!(

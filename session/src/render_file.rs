@@ -59,6 +59,9 @@ pub fn render_file(
         )));
     }
     check_folder(&request.out)?;
+    std::iter::once(&request.out)
+        .chain(&request.save_scene)
+        .try_for_each(|out| request.reading.outputs.declare(out))?;
     make_renderer(&request.backend)?;
 
     let clock = Stopwatch::start();

@@ -123,7 +123,7 @@ def test_bad_input(pumice, data, tmp_path):
         (["-o", tmp_path / "o.usd"], "o.usd: expected a name that ends in .usda, .usdc, .usdz"),
         (["-o", tmp_path / "o"], "expected a name that ends in"),
         (["-o", tmp_path / "nowhere" / "o.usdc"], "nowhere: No such file or directory"),
-        (["-o", tmp_path / "folder.usdc"], "folder.usdc: is a folder, expected a file"),
+        (["-o", tmp_path / "folder.usdc"], "folder.usdc: expected an ordinary file, got a folder"),
         (["-o", tmp_path / "o.usdc", "--labels", "987654"], "no label 987654"),
         (["-o", tmp_path / "o.usdc", "--form", "spheres"], "possible values: instances, boxes, cells4, voxels, smooth"),
         (["-o", tmp_path / "o.usdc", "--limit", "1K"], "is more than the limit of 1024"),

@@ -1,10 +1,9 @@
 //! Writes a scene to a file of any format: finds what is drawn, says how much it is, and writes it.
 
-use std::fs::File;
 use std::io::{Seek, Write};
 use std::path::Path;
 
-use pumice_core::{Error, Job};
+use pumice_core::{Error, Job, open_input};
 use pumice_transport::LoadedScene;
 
 use crate::drawn::Drawn;
@@ -143,7 +142,7 @@ fn write_package(
     let mut files = vec![PackedFile { name: "stage.usdc", from: stage_file, bytes }];
     if let Some(sky) = sky {
         let at = |source| Error::Io { path: sky.file.clone(), source };
-        let from = File::open(&sky.file).map_err(at)?;
+        let from = open_input(&sky.file).map_err(at)?;
         files.push(PackedFile { name: sky.asset.trim_start_matches("./"), from, bytes: sky.bytes });
     }
     write_usdz(files, out)

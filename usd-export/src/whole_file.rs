@@ -16,7 +16,7 @@ use std::fs::File;
 use std::io::{BufWriter, Read, Seek, SeekFrom, Write};
 use std::path::{Path, PathBuf};
 
-use pumice_core::{Error, Job, TargetError, WrittenFile};
+use pumice_core::{Error, Job, TargetError, WrittenFile, link_target};
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::{ExportError, Result};
@@ -100,6 +100,8 @@ pub(crate) fn write_with_beside(
     write_beside: impl FnOnce(&mut dyn Write) -> Result<()>,
     write: impl FnOnce(&str, &mut dyn Write) -> Result<()>,
 ) -> Result<u64> {
+    // A link stays: both files are where it leads to, one beside the other.
+    let path = &link_target(path)?;
     let stem = path.file_stem().and_then(|stem| stem.to_str());
     let stem = stem.ok_or_else(|| Error::Caller(format!("{}: expected a name in UTF-8", path.display())))?;
     let named = |content: u64| format!("{}.{content:016x}.{ending}", one_word(stem));
@@ -259,7 +261,7 @@ mod tests {
         assert_eq!(std::fs::read(&path).unwrap(), b"text");
         std::fs::create_dir(folder.path().join("c.usda")).unwrap();
         let error = write_whole(&folder.path().join("c.usda"), &Job::new(), text).unwrap_err().to_string();
-        assert!(error.ends_with("is a folder, expected a file"), "{error}");
+        assert!(error.ends_with("expected an ordinary file, got a folder"), "{error}");
         assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 2, "nothing else is left");
     }
 
@@ -330,7 +332,7 @@ mod tests {
         // The name is taken while the files are written: the one beside, which has appeared, goes again.
         let taken = |_: &str, _: &mut dyn Write| Ok(std::fs::create_dir(&path)?);
         let error = write_with_beside(&path, "bin", &Job::new(), one, taken).unwrap_err().to_string();
-        assert!(error.ends_with("is a folder, expected a file"), "{error}");
+        assert!(error.ends_with("expected an ordinary file, got a folder"), "{error}");
         assert_eq!(pair_in(folder.path()).0, ["figure.gltf"]);
     }
 

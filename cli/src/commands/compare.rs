@@ -1,13 +1,17 @@
 //! `pumice compare`
 
+use pumice_core::Outputs;
 use pumice_session::{Job, compare_pictures};
 
 use crate::Answer;
 use crate::args::Compare;
 use crate::failure::{Failure, say};
-use crate::json_report::write_report;
+use crate::json_report::{declare_report, write_report};
 
 pub(crate) fn run(args: &Compare, job: &Job) -> Result<Answer, Failure> {
+    let outputs = Outputs::default();
+    declare_report(&outputs, args.json.as_deref())?;
+    [&args.picture, &args.reference].into_iter().try_for_each(|picture| outputs.check_input(picture))?;
     let c = compare_pictures(&args.picture, &args.reference, job)?;
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         say(format_args!(

@@ -9,7 +9,7 @@ use super::open_options;
 use crate::Answer;
 use crate::args::{Compress, CompressionLevel};
 use crate::failure::{Failure, say};
-use crate::json_report::write_report;
+use crate::json_report::{declare_report, write_report};
 use crate::progress::Bar;
 
 /// The report that `--json` writes.
@@ -21,12 +21,14 @@ struct Report {
 }
 
 pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
+    let reading = open_options(&args.reading);
+    declare_report(&reading.outputs, args.json.as_deref())?;
     let bar = Bar::follow("compressing", job);
     let outcome = compress_file(
         &CompressRequest {
             input: args.input.clone(),
             output: args.out.clone(),
-            reading: open_options(&args.reading),
+            reading,
             level: match args.level {
                 CompressionLevel::Fast => pumice_session::CompressionLevel::Fast,
                 CompressionLevel::Default => pumice_session::CompressionLevel::Default,

@@ -43,7 +43,7 @@ pub(crate) fn run(args: &Demo, job: &Arc<Job>) -> Result<Answer, Failure> {
     })?;
     drop(bar);
     let figures = &outcome.figures;
-    super::render::warn(figures);
+    super::render::warn(figures)?;
     say(format_args!(
         "compressed {:.1} MB to {:.2} MB in memory ({:.2} %), every voxel verified",
         outcome.bytes_raw as f64 / 1e6,

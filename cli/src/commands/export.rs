@@ -8,7 +8,7 @@ use super::{open_options, say_warnings};
 use crate::Answer;
 use crate::args::{Export, FormArg, ReaderArg};
 use crate::failure::{Failure, say, warn};
-use crate::json_report::write_report;
+use crate::json_report::{declare_report, write_report};
 use crate::progress::Bar;
 
 pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
@@ -40,6 +40,7 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
         region: args.region,
         reading: open_options(&args.reading),
     };
+    declare_report(&request.reading.outputs, args.json.as_deref())?;
     let is_quiet = args.json.as_deref() == Some(std::path::Path::new("-"));
     let bar = Bar::follow("exporting", job);
     let mut said = Ok(());
@@ -54,10 +55,10 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
     let exported = exported?;
     said?;
     if let Some(note) = request.reader.note() {
-        warn(note);
+        warn(note)?;
     }
     if !exported.left_out.is_empty() {
-        warn(format_args!("left out: {}", exported.left_out.join(", ")));
+        warn(format_args!("left out: {}", exported.left_out.join(", ")))?;
     }
     if !is_quiet {
         say(format_args!(

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pumice_core::Numbers;
-use pumice_core::error::one_line;
+use pumice_core::error::excerpt;
 use pumice_session::{Job, LabelRows, OpenOptions, Residence, open_volume, parse_query};
 
 use crate::args::LabelList;
@@ -23,6 +23,9 @@ const HEADERS: [(&str, bool); 8] = [
     ("color", false),
 ];
 
+/// Most characters of a name in the columns; as CSV it is whole.
+const MOST_NAME_CHARS: usize = 120;
+
 /// Prints the labels that `list` asks for.
 pub(crate) fn print(
     path: &Path,
@@ -36,7 +39,7 @@ pub(crate) fn print(
     let rows = LabelRows::of(&volume);
     drop(bar);
     // Standard output has the labels alone, for programs that read it.
-    reading.warnings.list().iter().for_each(|warning| warn(format_args!("warning: {warning}")));
+    reading.warnings.list().iter().try_for_each(|warning| warn(format_args!("warning: {warning}")))?;
     let chosen = rows.sorted(&query, &list.sort)?;
     if list.csv {
         return failure::print(rows.csv(path, &chosen)?.trim_end_matches('\n'));
@@ -54,8 +57,8 @@ pub(crate) fn print(
         let color = rows.colors_srgb()[row].map(|c| c.map(|v| (v * 255.0).round() as u8));
         [
             rows.ids()[row].to_string(),
-            one_line(rows.names()[row]),
-            one_line(rows.types()[row]),
+            excerpt(rows.names()[row], MOST_NAME_CHARS),
+            excerpt(rows.types()[row], MOST_NAME_CHARS),
             number("voxels", row),
             three("low", row),
             three("high", row),

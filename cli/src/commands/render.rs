@@ -10,7 +10,7 @@ use super::{open_options, say_warnings};
 use crate::Answer;
 use crate::args::{LodArg, Render, RenderMode, ViewArg};
 use crate::failure::{self, Failure, say};
-use crate::json_report::write_report;
+use crate::json_report::{declare_report, write_report};
 use crate::progress::Bar;
 
 /// Samples per pixel where no flag limits the picture.
@@ -69,6 +69,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         save_scene: args.save_scene.clone(),
         explain: args.explain,
     };
+    declare_report(&request.reading.outputs, args.json.as_deref())?;
 
     let mut opening = Some(Bar::follow("opening", job));
     let mut tracing = None;
@@ -78,7 +79,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     });
     drop((opening, tracing));
     let rendered = rendered?;
-    warn(&rendered.figures);
+    warn(&rendered.figures)?;
 
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         let figures = &rendered.figures;
@@ -130,8 +131,6 @@ pub(crate) fn summary(figures: &RenderFigures) -> String {
 }
 
 /// Prints to standard error each notice of a device that failed and was replaced or restarted.
-pub(crate) fn warn(figures: &RenderFigures) {
-    for notice in &figures.notices {
-        failure::warn(notice);
-    }
+pub(crate) fn warn(figures: &RenderFigures) -> Result<(), Failure> {
+    figures.notices.iter().try_for_each(failure::warn)
 }

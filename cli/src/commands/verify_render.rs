@@ -11,7 +11,7 @@ use super::{open_options, say_warnings};
 use crate::Answer;
 use crate::args::VerifyRender;
 use crate::failure::{Failure, say};
-use crate::json_report::write_report;
+use crate::json_report::{declare_report, write_report};
 use crate::progress::Bar;
 
 pub(crate) fn run(args: &VerifyRender, job: &Arc<Job>) -> Result<Answer, Failure> {
@@ -39,6 +39,7 @@ pub(crate) fn run(args: &VerifyRender, job: &Arc<Job>) -> Result<Answer, Failure
         reading: open_options(&args.reading),
         command: std::env::args().collect::<Vec<_>>().join(" "),
     };
+    declare_report(&request.reading.outputs, args.json.as_deref())?;
     let bar = Bar::manual("comparing");
     let verified = verify_render(&request, job, &mut |progress| {
         let text = format!("{} of {} pictures of each", progress.pictures, progress.next_look);

@@ -10,7 +10,9 @@ use super::nodes::{self, Streams};
 use super::sections::{Sections, info_of, read_layout, read_sections};
 use super::{check, voxel_pieces};
 use crate::elements::MappedFile;
-use crate::{BoxRecord, Chunk, CompressedVolume, Contacts, Error, Job, LabelRun, LabelTable, Result};
+use crate::{
+    BoxRecord, Chunk, CompressedVolume, Contacts, Error, Job, LabelRun, LabelTable, Result, open_input,
+};
 
 impl CompressedVolume {
     /// Reads a `.pumice` file and checks all of it.
@@ -49,7 +51,7 @@ pub(super) fn from_path<T>(
     read: impl FnOnce(&mut File, u64) -> std::result::Result<T, Stop>,
 ) -> Result<T> {
     let io = |source| Error::Io { path: path.to_owned(), source };
-    let mut file = File::open(path).map_err(io)?;
+    let mut file = open_input(path).map_err(io)?;
     let file_bytes = file.metadata().map_err(io)?.len();
     read(&mut file, file_bytes).map_err(|stop| match stop {
         Stop::Fault(FormatError { section, at, what }) => {

@@ -1,6 +1,5 @@
 //! Writes a volume to a file.
 
-use std::fs::File;
 use std::io::Write;
 use std::path::Path;
 
@@ -9,7 +8,7 @@ use serde::Serialize;
 
 use super::layout::{Contents, ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, align, section_checksum};
 use super::{codec, nodes, voxel_pieces};
-use crate::{CompressedVolume, Error, Job, Result, VolumeInfo};
+use crate::{CompressedVolume, Error, Job, Result, VolumeInfo, WrittenFile};
 
 /// How much time to spend to make the file small. All levels store the same volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -58,46 +57,25 @@ impl CompressedVolume {
             return Err(Error::Caller(format!("{path}: {what}")));
         }
         let io = |source| Error::Io { path: path.to_owned(), source };
-        let folder = match path.parent() {
-            Some(p) if !p.as_os_str().is_empty() => p,
-            _ => Path::new("."),
-        };
         // The temporary file comes first, so that a missing folder or permission shows before the work is done.
-        let mut builder = tempfile::Builder::new();
-        builder.prefix(".pumice-").suffix(".part");
-        #[cfg(unix)]
-        {
-            // The permissions that `File::create` would give: readable for others where the user's umask allows it.
-            use std::os::unix::fs::PermissionsExt;
-            builder.permissions(std::fs::Permissions::from_mode(0o666));
-        }
-        let mut file = builder.tempfile_in(folder).map_err(io)?;
-
-        let (layout, sections) = self.encode_sections(level, job)?;
-        let mut written = 0u64;
-        let mut put = |bytes: &[u8]| -> Result<()> {
-            for piece in bytes.chunks(1 << 20) {
-                job.check()?;
-                file.write_all(piece).map_err(io)?;
-            }
-            written += bytes.len() as u64;
-            file.write_all(&[0; 8][..(align(written) - written) as usize]).map_err(io)?;
-            written = align(written);
-            Ok(())
-        };
-        put(&layout.to_bytes())?;
-        for bytes in &sections {
-            put(bytes)?;
-        }
-
-        file.as_file().sync_all().map_err(io)?;
+        let written = WrittenFile::for_place(path, |file| {
+            let (layout, sections) = self.encode_sections(level, job)?;
+            let mut written = 0u64;
+            let mut put = |bytes: &[u8]| -> Result<()> {
+                for piece in bytes.chunks(1 << 20) {
+                    job.check()?;
+                    file.write_all(piece).map_err(io)?;
+                }
+                written += bytes.len() as u64;
+                file.write_all(&[0; 8][..(align(written) - written) as usize]).map_err(io)?;
+                written = align(written);
+                Ok(())
+            };
+            put(&layout.to_bytes())?;
+            sections.iter().try_for_each(|bytes| put(bytes))
+        })?;
         job.check()?;
-        file.persist(path).map_err(|e| io(e.error))?;
-        // The rename itself must reach the disk too. Some systems cannot sync a folder; nothing more can be done there.
-        if let Ok(folder) = File::open(folder) {
-            let _ = folder.sync_all();
-        }
-        Ok(())
+        Ok(written.appear(path)?)
     }
 
     /// Encodes the sections; returns them with the header and table that describe them.

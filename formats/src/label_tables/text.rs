@@ -1,8 +1,8 @@
 //! The text of a table: a file of bounded length in UTF-8, with or without its byte order mark.
 
-use std::fs::File;
-use std::io::Read;
 use std::path::Path;
+
+use pumice_core::read_input;
 
 use super::wrong_cell;
 use crate::error::{FormatError, Result};
@@ -18,28 +18,7 @@ pub(super) const MOST_ROWS: usize = 1 << 24;
 /// # Errors
 /// When it is no file, is too long, or is not UTF-8; then the line is named.
 pub(super) fn read(path: &Path) -> Result<String> {
-    // Devices and pipes are refused, because they may never end.
-    let metadata = std::fs::metadata(path).map_err(FormatError::io(path))?;
-    if !metadata.is_file() {
-        let what = "expected a table of labels, got something that is not a file".into();
-        return Err(FormatError::Unknown { path: path.to_owned(), what });
-    }
-    let too_long = |got: u64| FormatError::Limit {
-        path: path.to_owned(),
-        what: "the table's length in bytes".into(),
-        got: got.to_string(),
-        limit: MOST_BYTES,
-    };
-    if metadata.len() > MOST_BYTES {
-        return Err(too_long(metadata.len()));
-    }
-    // Some files of the system say that they have 0 bytes, so the length is not trusted.
-    let mut bytes = Vec::new();
-    let file = File::open(path).map_err(FormatError::io(path))?;
-    file.take(MOST_BYTES + 1).read_to_end(&mut bytes).map_err(FormatError::io(path))?;
-    if bytes.len() as u64 > MOST_BYTES {
-        return Err(too_long(bytes.len() as u64));
-    }
+    let mut bytes = read_input(path, MOST_BYTES).map_err(FormatError::io(path))?;
     let wide = bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF");
     if wide || bytes.iter().take(1000).any(|&b| b == 0) {
         let what = match wide {

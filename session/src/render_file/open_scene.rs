@@ -38,7 +38,9 @@ pub(crate) fn open_scene(
 ) -> Result<OpenedScene> {
     let instead = overrides.labels.clone().map(Show::Only);
     let (mut scene, volumes, meshes) = if is_scene_file(path) {
+        reading.outputs.check_input(path)?;
         let scene = Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
+        check_files(&scene, reading)?;
         let volumes = open_shown(&scene, instead.as_ref(), reading, Residence::Mapped, job)?;
         let meshes = open_meshes(&scene)?;
         (scene, volumes, meshes)
@@ -60,6 +62,11 @@ pub(crate) fn open_scene(
     apply(overrides, &mut scene, &volumes)?;
     scene.validate().map_err(|source| SessionError::Scene { path: path.into(), source })?;
     Ok(OpenedScene { scene, volumes, meshes })
+}
+
+/// Checks that no file that a scene names is written.
+pub(super) fn check_files(scene: &Scene, reading: &OpenOptions) -> Result<()> {
+    Ok(scene.paths().into_iter().try_for_each(|(_, path)| reading.outputs.check_input(path))?)
 }
 
 fn dense_labels(volume: &CompressedVolume, ids: &[u64]) -> Result<Vec<u32>> {

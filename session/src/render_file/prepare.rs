@@ -6,7 +6,7 @@ use pumice_core::Job;
 use pumice_picture::{Annotations, read_provenance};
 use pumice_scene::Show;
 
-use super::open_scene::{OpenedScene, open_scene};
+use super::open_scene::{OpenedScene, check_files, open_scene};
 use super::overrides::apply;
 use super::provenance::check_hashes;
 use super::request::{RenderRequest, Subject};
@@ -38,12 +38,14 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
 
 /// Opens the scene that a picture carries.
 fn prepare_again(request: &RenderRequest, picture: &Path, job: &Job) -> Result<Prepared> {
+    request.reading.outputs.check_input(picture)?;
     let made = read_provenance(picture)?.ok_or_else(|| {
         let picture = picture.display();
         SessionError::Caller(format!(
             "{picture}: this picture carries no scene, so it cannot be rendered again"
         ))
     })?;
+    check_files(&made.scene, &request.reading)?;
     let instead = request.overrides.labels.clone().map(Show::Only);
     let volumes = open_shown(&made.scene, instead.as_ref(), &request.reading, Residence::Mapped, job)?;
     let meshes = open_meshes(&made.scene)?;

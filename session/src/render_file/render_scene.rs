@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
 use pumice_picture::{Annotations, Picture, Provenance, film_memory};
-use pumice_transport::scene_plan::{sums_of};
+use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 

@@ -154,6 +154,7 @@ pub fn verify_render(
 ) -> Result<VerifiedRender> {
     let total = Stopwatch::start();
     page::check_name(request)?;
+    request.reading.outputs.check_input(&request.blender)?;
     if request.spp < LEAST_SPP {
         let spp = request.spp;
         return Err(SessionError::Caller(format!("spp: expected at least {LEAST_SPP} samples, got {spp}")));

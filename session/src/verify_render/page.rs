@@ -3,12 +3,11 @@
 //! It has no script. The wipe between the two pictures is a box that CSS lets a reader resize.
 
 use std::fmt::Write as _;
-use std::io::Write as _;
 use std::path::Path;
 
 use base64::Engine;
 use base64::engine::general_purpose::STANDARD;
-use pumice_core::{TargetError, write_atomically};
+use pumice_core::write_text;
 use pumice_picture::agreement::{LEVEL, Verdict, counted, percent};
 use pumice_picture::{Image, Pass, Picture, ViewTransform, png_bytes};
 
@@ -26,7 +25,7 @@ pub(super) fn check_name(request: &VerifyRenderRequest) -> Result<()> {
     if let Some(folder) = path.parent().filter(|folder| !folder.as_os_str().is_empty()) {
         std::fs::metadata(folder).map_err(io(folder))?;
     }
-    Ok(())
+    Ok(request.reading.outputs.declare(path)?)
 }
 
 /// A picture's colour, over white where the film is transparent.
@@ -50,9 +49,7 @@ pub(super) fn write_page(
     verified: &VerifiedRender,
 ) -> Result<()> {
     let html = page(request, verified)?;
-    let full = |source| TargetError::Io { path: path.to_owned(), source };
-    write_atomically(path, |out| out.write_all(html.as_bytes()).map_err(full))
-        .map_err(|e| pumice_core::Error::from(e).into())
+    Ok(write_text(path, &html)?)
 }
 
 const STYLE: &str = "
