@@ -1,6 +1,6 @@
 //! The demonstration: it turns a real volume into a figure and reports what each step cost.
 //!
-//! It reads the volume, compresses it, checks every voxel against the file, chooses some thirty labels, path traces them, and writes
+//! It reads the volume, compresses it, checks every voxel against the file, chooses thirty-two labels, path traces them, and writes
 //! `picture.png`, `picture.exr`, `report.md` and `error.svg`.
 
 use std::fmt::Write as _;

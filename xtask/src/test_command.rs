@@ -32,7 +32,7 @@ const PARTS: [(&str, u64, &str); 14] = [
     ("wheel", 1200, "the module pumice for Python, built and installed"),
     ("python", 1500, "formats, file layout and metrics against other people's code"),
     ("cli", 2400, "the command: contract, bad input, full disk, Ctrl-C"),
-    ("python-module", 2400, "its stub, its types, its tests"),
+    ("python-module", 2400, "its stub, its types, its tests; the samples of the docs"),
     ("blender", 1800, "the extension, packed and installed as a user does, in Blender without a window"),
     ("shared-rust", 1500, "suites over volumes that may not be shipped"),
     ("shared-python", 1200, "the same, in Python"),
@@ -311,7 +311,11 @@ impl Suite {
                 ]
             }
             "rust-docs" => vec![self.cargo(&["test", "--workspace", "--doc", "--no-fail-fast"])],
-            "python" => vec![self.pytest(&|name| !name.starts_with("test_cli_") && !is_shared(name))?],
+            "python" => {
+                let elsewhere =
+                    |name: &str| name.starts_with("test_cli_") || is_shared(name) || is_of_docs(name);
+                vec![self.pytest(&|name| !elsewhere(name))?]
+            }
             "cli" => vec![self.pytest(&|name| name.starts_with("test_cli_"))?],
             "shared-rust" => {
                 self.shared.as_ref().ok_or_else(absent)?;
@@ -338,7 +342,7 @@ impl Suite {
         if self.full { &BY_TURNS } else { &BY_TURNS[of_today..=of_today] }
     }
 
-    /// The wheel installed, its stub compared, the types checked, the tests run.
+    /// The wheel installed, its stub compared, the types checked, the tests run, and with them the samples of the docs.
     fn module_steps(&self) -> Result<Vec<Step>, Outcome> {
         let (root, target) = (&self.root, &self.target);
         let python = Environment::tests().interpreter(target);
@@ -364,6 +368,7 @@ impl Suite {
             types.into(),
             others.into(),
             ladder.into(),
+            self.pytest(&is_of_docs)?.into(),
         ])
     }
 
@@ -453,6 +458,11 @@ impl Suite {
 
 fn is_shared(name: &str) -> bool {
     name.starts_with("test_shared_data_")
+}
+
+/// Tests of the docs, whose samples need the module.
+fn is_of_docs(name: &str) -> bool {
+    name.starts_with("test_docs_")
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@ use pumice_session::values::size;
 
 use super::values::{positive, relative};
 
-/// Compress a real volume of mouse cortex and path trace about thirty of its neurons
+/// Compress a real volume of mouse cortex and path trace thirty-two of its neurites
 ///
 /// Writes picture.png, picture.exr, report.md and error.svg. Rendering stops when the picture's estimated relative error is at most
 /// 3 %, or after 60 seconds.
