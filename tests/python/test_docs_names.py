@@ -1,5 +1,7 @@
-"""Tests that what the prose of the docs names exists: flags of the command, names of the Python module, files and headings of links."""
+"""Tests that what the prose of the docs names exists: flags of the command, names and keywords of the Python module,
+files and headings of links."""
 
+import inspect
 import re
 import subprocess
 from pathlib import Path
@@ -68,6 +70,26 @@ def test_names_of_the_python_module_exist(page):
 
 def test_an_unknown_name_is_found():
     assert unknown_names("`pumice.render(a)`, `pumice.draw(a)`, `bpy.ops.pumice.verify()`, `cells.pumice.bak`") == ["draw"]
+
+
+def unknown_keywords(text):
+    """Keywords in inline code `pumice.f(…)` that the function does not take, but for functions that pass keywords on."""
+    wrong = []
+    for name, arguments in re.findall(r"`pumice\.(\w+)\(([^`]*)\)", re.sub(r"(?ms)^ *```.*?^ *```", "", text)):
+        taken = inspect.signature(getattr(module, name)).parameters
+        passes_on = any(parameter.kind is parameter.VAR_KEYWORD for parameter in taken.values())
+        wrong += [f"{name}({word}=)" for word in re.findall(r"(\w+)=", arguments) if word not in taken and not passes_on]
+    return wrong
+
+
+@pytest.mark.parametrize("page", PAGES[3:] + PAGES[:1])
+def test_keywords_of_the_python_module_exist(page):
+    assert unknown_keywords(text_of(page)) == []
+
+
+def test_an_unknown_keyword_is_found():
+    text = "`pumice.render(scene, volume, spp=3, sp=3)`, `pumice.figure(volume, picks=3)`, `pumice.compress(a, axes=\"zyx\")`"
+    assert unknown_keywords(text) == ["render(sp=)", "figure(picks=)"]
 
 
 def anchors(page):

@@ -123,7 +123,7 @@ fn one(text: &mut String, v: &PaperTables) {
         v.labels,
         v.types
     );
-    *text += "\nTable 3: bytes.\n\n| form | boxes | boxes, MB | BVH, MB | in them, MB | together, MB | of raw |\n| --- | --- | --- | --- | --- | --- | --- |\n";
+    *text += "\nTable 3: bytes.\n\n| form | boxes | boxes, MB | BVH, MB | in them, MB | together, MB | of 4 bytes a voxel |\n| --- | --- | --- | --- | --- | --- | --- |\n";
     for f in &v.forms {
         bytes(text, &form_name(f), f, raw);
     }
@@ -144,7 +144,7 @@ fn one(text: &mut String, v: &PaperTables) {
         let second = took.get(1).map_or("the same", String::as_str);
         let _ = writeln!(text, "| {} | {} | {second} |", step.name, took.first().map_or("", String::as_str));
     }
-    *text += "\nSection 5.6: other sizes of boxes, one graph with fields.\n\n| boxes of | boxes | boxes, MB | BVH, MB | in them, MB | together, MB | of raw |\n| --- | --- | --- | --- | --- | --- | --- |\n";
+    *text += "\nSection 5.6: other sizes of boxes, one graph with fields.\n\n| boxes of | boxes | boxes, MB | BVH, MB | in them, MB | together, MB | of 4 bytes a voxel |\n| --- | --- | --- | --- | --- | --- | --- |\n";
     for s in &v.sides {
         bytes(text, &side_name(s.side), &s.figures, raw);
     }

@@ -46,7 +46,7 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     // With `--json -` a program reads standard output as JSON, so nothing else is printed there.
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         say(format_args!(
-            "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of raw), {:.1} MB in memory ({:.2} %), {:.1} s ({:.1} CPU s)",
+            "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of 4 bytes a voxel), {:.1} MB in memory ({:.2} %), {:.1} s ({:.1} CPU s)",
             args.out.display(),
             outcome.labels,
             outcome.boxes,

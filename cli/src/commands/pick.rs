@@ -17,7 +17,7 @@ pub(crate) fn run(args: &Pick, job: &Arc<Job>) -> Result<Answer, Failure> {
     for pixel in &picked.pixels {
         say(line(pixel))?;
     }
-    picked.notices.iter().for_each(warn);
+    picked.notices.iter().try_for_each(warn)?;
     Ok(Answer::Yes)
 }
 
