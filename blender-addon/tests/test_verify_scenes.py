@@ -111,13 +111,24 @@ def glazed(fields, folder):
 
 
 def divided(fields, folder):
-    """Glass that touches glass of another instance: every other label is in an instance of its own."""
-    glazed(fields, folder)
-    again = json.loads(json.dumps(fields["instances"][0])) | {"id": 9}
-    shown = again["style"]["show"]["only"]
-    fields["instances"][0]["style"]["show"] = {"only": shown[::2]}
-    again["style"]["show"] = {"only": shown[1::2]}
-    fields["instances"].append(again)
+    """A block of four labels that fill it, of glass, dull and half there, which touch: two instances show two labels each."""
+    x, y, z = np.indices((12, 12, 24))
+    labels = (1 + (x + 2 * y // 3) // 5 % 2 + 2 * ((z + x // 2) // 5 % 2)).astype(np.uint8)
+    header = "NRRD0004\ntype: uint8\ndimension: 3\nsizes: 12 12 24\nencoding: raw\n\n"
+    (folder / "blocks.nrrd").write_bytes(header.encode() + labels.tobytes(order="F"))
+    clear = {"base_color": [0.9, 0.9, 1.0], "transmission": 1.0, "roughness": 0.0, "ior": 1.45}
+    materials = {1: clear, 2: DULL, 3: clear | {"ior": 1.2}, 4: DULL | {"alpha": 0.5}}
+    matrix = np.reshape(fields["instances"][0]["world_from_index"], (4, 3))
+    matrix[:3] *= 256 / 12
+    fields["instances"] = [
+        {
+            "id": number,
+            "source": "blocks.nrrd",
+            "world_from_index": matrix.ravel().tolist(),
+            "style": {"show": {"only": shown}, "materials": {label: materials[label] for label in shown}},
+        }
+        for number, shown in ((1, [1, 4]), (2, [2, 3]))
+    ]
 
 
 def glass_within_glass(fields, folder):

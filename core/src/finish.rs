@@ -19,6 +19,7 @@ use crate::boxes::{RawBox, RawBoxes, split_label};
 use crate::cell::Cell;
 use crate::leaves::{LeafIndex, Leaves};
 use crate::node::{node_words, write_node};
+use crate::reserve::check_room;
 use crate::sorted_cells::Run;
 use crate::store::StoredParts;
 use crate::volume::CHUNK_CELLS;
@@ -52,8 +53,10 @@ const BYTES_A_FIELD: u64 = 16;
 const COUNTING_BYTES: u64 = 64 << 20;
 
 impl Budget {
-    /// Returns an error if the memory does not suffice; the error gives the limit that would.
+    /// Returns an error if the memory does not suffice; the error gives the limit that would. Without a limit, what is free is one; the records
+    /// of the largest label then count once, because not all threads have a label like it.
     fn check(&self, index_bytes: u64, boxes: u64, fields: u64, largest_label: u64) -> Result<()> {
+<<<<<<< HEAD
         let need =
             boxes * BYTES_A_BOX + fields * BYTES_A_FIELD + self.counting_bytes(index_bytes, largest_label);
         let got = need.saturating_mul(4).div_ceil(3);
@@ -61,6 +64,15 @@ impl Budget {
             Some(limit) if got > limit => Err(Error::Limit { what: "bytes of memory".into(), limit, got }),
             _ => Ok(()),
         }
+=======
+        let records = largest_label * size_of::<Cell>() as u64;
+        let need = index_bytes + boxes * BYTES_A_BOX + fields * BYTES_A_FIELD;
+        let Some(limit) = self.limit_bytes else {
+            return Ok(check_room("the boxes of the volume", need.saturating_add(records))?);
+        };
+        let got = (need + records * self.threads as u64).saturating_mul(4).div_ceil(3);
+        if got > limit { Err(Error::Limit { what: "bytes of memory".into(), limit, got }) } else { Ok(()) }
+>>>>>>> work6
     }
 
     /// Bytes that counting boxes takes: the index, and the records of one label a thread.

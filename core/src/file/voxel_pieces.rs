@@ -126,9 +126,8 @@ pub(super) fn read_voxels(
         let (section, at) = (*b"VOXL", sections.offset(b"VOXL"));
         Stop::Fault(FormatError { section, at, what })
     };
-    // A stream of a few bytes can stand for any number of boxes, so the boxes are made within the memory that is free.
-    let options = CompressOptions { memory_limit_bytes: available_bytes(), ..CompressOptions::default() };
-    let store = PartStore::new(options.memory_limit_bytes.map(|limit| limit / 4), std::env::temp_dir());
+    // A stream of a few bytes can stand for any number of records, so they are kept in memory only up to a part of what is free.
+    let store = PartStore::new(available_bytes().map(|free| free / 4), std::env::temp_dir());
     let dims = head.info.dims;
     job.begin(pieces.iter().map(|p| p.dims.map(u64::from).iter().product::<u64>()).sum());
     let decode = |piece: &Piece<'_>| {
@@ -138,7 +137,8 @@ pub(super) fn read_voxels(
     };
     let touching: Vec<Vec<u64>> = pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
     let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
-    let mut volume = volume_of_parts(info, store, None, Some(touching.concat()), &options, job)?;
+    let mut volume =
+        volume_of_parts(info, store, None, Some(touching.concat()), &CompressOptions::default(), job)?;
     // In the new volume, the id of each label is its dense index plus 1.
     if volume.labels.len() != head.labels.len() {
         let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());

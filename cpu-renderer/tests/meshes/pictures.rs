@@ -42,7 +42,7 @@ fn glass(roughness: f32) -> Material {
     Material { transmission: 1.0, roughness, ior: 1.4, base_color: [1.0, 0.9, 0.8], ..Material::default() }
 }
 
-/// A floor, and a box above it: where volumes overlap, paths in voxels end, and paths in triangles do not.
+/// A floor, and a box above it.
 fn floor_and_box(material: Material) -> [Block; 2] {
     [
         Block {
