@@ -56,23 +56,17 @@ impl Budget {
     /// Returns an error if the memory does not suffice; the error gives the limit that would. Without a limit, what is free is one; the records
     /// of the largest label then count once, because not all threads have a label like it.
     fn check(&self, index_bytes: u64, boxes: u64, fields: u64, largest_label: u64) -> Result<()> {
-<<<<<<< HEAD
-        let need =
-            boxes * BYTES_A_BOX + fields * BYTES_A_FIELD + self.counting_bytes(index_bytes, largest_label);
-        let got = need.saturating_mul(4).div_ceil(3);
-        match self.limit_bytes {
-            Some(limit) if got > limit => Err(Error::Limit { what: "bytes of memory".into(), limit, got }),
-            _ => Ok(()),
-        }
-=======
-        let records = largest_label * size_of::<Cell>() as u64;
-        let need = index_bytes + boxes * BYTES_A_BOX + fields * BYTES_A_FIELD;
+        let structures = boxes * BYTES_A_BOX + fields * BYTES_A_FIELD;
         let Some(limit) = self.limit_bytes else {
-            return Ok(check_room("the boxes of the volume", need.saturating_add(records))?);
+            let records = largest_label * size_of::<Cell>() as u64;
+            return Ok(check_room(
+                "the boxes of the volume",
+                (structures + index_bytes).saturating_add(records),
+            )?);
         };
-        let got = (need + records * self.threads as u64).saturating_mul(4).div_ceil(3);
+        let need = structures + self.counting_bytes(index_bytes, largest_label);
+        let got = need.saturating_mul(4).div_ceil(3);
         if got > limit { Err(Error::Limit { what: "bytes of memory".into(), limit, got }) } else { Ok(()) }
->>>>>>> work6
     }
 
     /// Bytes that counting boxes takes: the index, and the records of one label a thread.

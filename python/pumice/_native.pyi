@@ -492,7 +492,7 @@ def agreement(ours: Any, theirs: Any, covered: Any) -> str:
     pixel, 0 where it shows no surface. Returns the verdict and its statistics as JSON text.
     """
 
-def compress(source: str | PathLike[str] | Incomplete, *, given: str | AnnotationTable | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None], job: Job | None = None) -> tuple[Volume, list[str]]:
+def compress(source: str | PathLike[str] | Incomplete, *, given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
     does not fit.
@@ -526,6 +526,11 @@ def export(path: str | PathLike[str], out: str | PathLike[str], export_as: Incom
 def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetItem[SupportsIndex], labels: SupportsGetItem[int, SupportsIndex] | None, pick: SupportsIndex | None, view_deg: SupportsLenAndGetItem[SupportsFloat | SupportsIndex]) -> Scene:
     """
     Composes a scene that shows a volume: places, frames and lights it.
+    """
+
+def one_line(text: str) -> str:
+    """
+    A text as it is shown: on one line of bounded length, with control characters as escapes.
     """
 
 def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None], job: Job | None = None) -> tuple[Volume, list[str]]:

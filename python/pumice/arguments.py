@@ -115,19 +115,47 @@ def three_lengths(spacing: Iterable[Any]) -> tuple[float, float, float]:
         lengths = [float(s) for s in spacing]
     except (TypeError, ValueError):
         lengths = []
-    if len(lengths) != 3 or not all(0.0 < s < float("inf") for s in lengths):
+    if len(lengths) != 3 or not all(map(is_length, lengths)):
         raise InputError(f"spacing: expected three lengths above 0, got {spacing!r}")
     return lengths[0], lengths[1], lengths[2]
+
+
+def is_length(value: float) -> bool:
+    """Whether a number is the length of a voxel: above 0, and such that its square is neither 0 nor infinite, as matrices need it."""
+    return 0.0 < value < float("inf") and 0.0 < value * value < float("inf")
+
+
+def path(name: str, value: Any) -> str:
+    """A path as text."""
+    try:
+        text = os.fspath(value)
+    except TypeError:
+        text = value
+    if not isinstance(text, str):
+        raise InputError(f"{name}: expected a path, got {type(value).__name__}")
+    return text
+
+
+def positive(name: str, value: Any) -> float:
+    """A finite number above 0."""
+    try:
+        number = float(value)
+    except (TypeError, ValueError, OverflowError):
+        number = 0.0
+    if isinstance(value, str) or not 0.0 < number < float("inf"):
+        raise InputError(f"{name}: expected a number above 0, got {value!r}")
+    return number
 
 
 def limits(
     spp: int | None, seconds: float | None, error: float | None
 ) -> tuple[int | None, float | None, float | None]:
     """The limits at which a picture is done, checked."""
-    for name, limit in (("seconds", seconds), ("error", error)):
-        if limit is not None and not limit > 0:
-            raise InputError(f"{name}: expected a number above 0, got {limit}")
-    return None if spp is None else whole("spp", spp, 1, MOST_32), seconds, error
+    return (
+        None if spp is None else whole("spp", spp, 1, MOST_32),
+        None if seconds is None else positive("seconds", seconds),
+        None if error is None else positive("error", error),
+    )
 
 
 def render_as(backend: str, spp: int | None, seconds: float | None, error: float | None) -> RenderAs:

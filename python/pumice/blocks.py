@@ -53,6 +53,8 @@ def shape_of(array: Any) -> tuple[int, int, int]:
     if len(shape) != 3:
         raise InputError(f"array: expected three axes (x, y, z), got shape {shape}")
     for axis, voxels in zip("xyz", shape, strict=True):
+        if voxels == 0:
+            raise InputError(f"array: expected voxels along {axis}, got shape {shape}")
         if voxels >= 1 << 32:
             raise InputError(f"array: {voxels} voxels along {axis} are too many")
     return shape[0], shape[1], shape[2]
@@ -66,8 +68,6 @@ def delivery(array: Any) -> Callable[[], Block | None]:
 
 def _blocks(array: Any) -> Iterator[Block]:
     shape = shape_of(array)
-    if 0 in shape:
-        return
     steps = _steps(array, shape)
     for z in range(0, shape[2], steps[2]):
         for y in range(0, shape[1], steps[1]):

@@ -3,7 +3,6 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable, Sequence
 from typing import Any, NamedTuple
 
@@ -13,6 +12,7 @@ import numpy.typing as npt
 from . import _native, arguments
 from ._native import Job
 from .arguments import Path
+from .checked import checked
 from .errors import InputError
 from .scene import MOST_PIXELS
 
@@ -45,6 +45,7 @@ class VerifyAs(NamedTuple):
     maps: bool
 
 
+@checked
 def export(
     path: Path,
     out: Path,
@@ -70,11 +71,12 @@ def export(
     ids = None if labels is None else arguments.ids("labels", labels)
     limit = arguments.whole("limit_bytes", limit_bytes, 1, arguments.MOST_64)
     export_as = ExportAs(forms, plain, for_blender, ids, None if region is None else arguments.region(region), limit)
-    text = _native.export(os.fspath(path), os.fspath(out), export_as, job)
+    text = _native.export(arguments.path("path", path), arguments.path("out", out), export_as, job)
     report: dict[str, Any] = json.loads(text)
     return report
 
 
+@checked
 def verify_render(
     path: Path,
     *,
@@ -103,23 +105,24 @@ def verify_render(
     `tile_difference_color`, `tile_t_color` and `flip_color` are the page's maps, as colours.
     """
     verify_as = VerifyAs(
-        blender=os.fspath(blender),
-        page=None if page is None else os.fspath(page),
-        control=None if control is None else os.fspath(control),
+        blender=arguments.path("blender", blender),
+        page=None if page is None else arguments.path("page", page),
+        control=None if control is None else arguments.path("control", control),
         spp=arguments.whole("spp", spp, 1, arguments.MOST_32),
-        seconds=seconds,
+        seconds=None if seconds is None else arguments.positive("seconds", seconds),
         size=None if size is None else (arguments.whole("size", size[0], 1, MOST_PIXELS), arguments.whole("size", size[1], 1, MOST_PIXELS)),
         lod=None if lod is None else arguments.whole("lod", lod, 1, 16),
         backend=backend,
         maps=maps,
     )
-    text, images = _native.verify_render(os.fspath(path), verify_as, job)
+    text, images = _native.verify_render(arguments.path("path", path), verify_as, job)
     report: dict[str, Any] = json.loads(text)
     if maps:
         report["maps"] = {name: np.asarray(image) for name, image in images}
     return report
 
 
+@checked
 def agreement(ours: npt.ArrayLike, theirs: npt.ArrayLike, *, covered: npt.ArrayLike | None = None) -> dict[str, Any]:
     """Whether two renderers converge to the same picture: the test of `verify_render`, for pictures of any two programs.
 

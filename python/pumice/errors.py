@@ -1,8 +1,14 @@
 """The exceptions of Pumice, sorted by who must act. Every message is one line that says what and where."""
 
 
+from ._native import one_line
+
+
 class PumiceError(Exception):
-    """Base of all errors of Pumice."""
+    """Base of all errors of Pumice. Its message is one line of bounded length, whatever names of files or labels it quotes."""
+
+    def __init__(self, message: str = "") -> None:
+        super().__init__(one_line(message))
 
 
 class InputError(PumiceError, ValueError):

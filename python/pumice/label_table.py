@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import os
 import warnings
 from collections.abc import Mapping, Sequence
 
@@ -11,6 +10,7 @@ import numpy.typing as npt
 
 from . import _native, arguments
 from .arguments import Path
+from .checked import checked
 from .errors import InputError, PumiceWarning
 
 
@@ -22,6 +22,7 @@ class AnnotationTable:
     what its reader left out, a line each.
     """
 
+    @checked
     def __init__(
         self,
         ids: npt.ArrayLike,
@@ -59,9 +60,10 @@ class AnnotationTable:
         self.notes: tuple[str, ...] = tuple(notes)
 
     @classmethod
+    @checked
     def read(cls, path: Path) -> AnnotationTable:
         """Reads a file: see `read_label_table`."""
-        native, format, notes = _native.read_label_table(os.fspath(path))
+        native, format, notes = _native.read_label_table(arguments.path("path", path))
         table = cls.__new__(cls)
         table._take(native, format, notes)
         return table
@@ -76,6 +78,7 @@ class AnnotationTable:
         """The table as the compiled part has it. Changes of the lists `names` and `types` do not reach it."""
         return self._native
 
+    @checked
     def save(self, path: Path, *, format: str | None = None) -> None:
         """Writes a file, which appears complete or not at all.
 
@@ -83,14 +86,16 @@ class AnnotationTable:
         (ITK-SNAP), lut.txt, .lut or .ctab (FreeSurfer), .ctbl (3D Slicer), .json or info (Neuroglancer). A `PumiceWarning` tells what the
         format does not hold. ITK-SNAP, FreeSurfer and 3D Slicer need a colour for each label: InputError names one without.
         """
-        for note in self._native.save(os.fspath(path), format):
-            warnings.warn(note, PumiceWarning, stacklevel=2)
+        for note in self._native.save(arguments.path("path", path), format):
+            warnings.warn(note, PumiceWarning, stacklevel=3)
 
+    @checked
     def query(self, line: str) -> npt.NDArray[np.bool_]:
         """Whether a query line holds, by row: see `query_labels`."""
         return np.array(self._native.query(line), dtype=bool)
 
 
+@checked
 def read_label_table(path: Path) -> AnnotationTable:
     """Reads a table of labels, whose format its content decides; InputError names the line and the column of a fault.
 
@@ -99,10 +104,11 @@ def read_label_table(path: Path) -> AnnotationTable:
     """
     table = AnnotationTable.read(path)
     for note in table.notes:
-        warnings.warn(note, PumiceWarning, stacklevel=2)
+        warnings.warn(note, PumiceWarning, stacklevel=3)
     return table
 
 
+@checked
 def query_labels(
     line: str,
     ids: npt.ArrayLike,

@@ -10,6 +10,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from .checked import checked
 from .errors import InputError
 
 LabelFlags = tuple[npt.ArrayLike, npt.ArrayLike]
@@ -25,6 +26,7 @@ class LabelGroups:
     style's common material.
     """
 
+    @checked
     def __init__(
         self,
         ids: npt.ArrayLike,

@@ -8,6 +8,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from .checked import checked
 from .errors import InputError
 
 
@@ -15,6 +16,7 @@ class Mesh:
     """An immutable triangle mesh in a space of its own, which scenes and threads may share. The scene holds its place and its materials
     (`meshes` in docs/scene.md)."""
 
+    @checked
     def __init__(
         self,
         positions: npt.ArrayLike,

@@ -4,7 +4,6 @@ from __future__ import annotations
 
 import dataclasses
 import json
-import os
 import warnings
 from collections.abc import Callable, Iterable, Mapping, Sequence
 from typing import Any
@@ -14,6 +13,7 @@ import numpy.typing as npt
 
 from . import _native, arguments, mesh
 from .arguments import Path
+from .checked import checked
 from .errors import InputError, PumiceWarning
 from .mesh import Mesh
 from .scene import Scene
@@ -134,6 +134,7 @@ class Picture:
         """The id of the instance that this label belongs to, 0 where there is no label: (height, width)."""
         return np.asarray(self._native.instance_ids())
 
+    @checked
     def pick(self, x: int, y: int, *, volume: Volume | None = None) -> PickedPixel:
         """What lies under the middle of a pixel, counted from the upper left. With the `volume` that is seen there, also the voxel that was
         hit; None at coarser levels of detail where no voxel of the label is at the surface."""
@@ -143,11 +144,13 @@ class Picture:
         fields = {field.name: told[field.name] for field in dataclasses.fields(PickedPixel)}
         return PickedPixel(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
 
+    @checked
     def srgb(self, view_transform: str | None = None) -> npt.NDArray[np.uint8]:
         """The pixels as a PNG has them: (height, width, 3), or 4 with alpha, which is straight. `view_transform` is `standard`, `filmic`
         or `agx`, by default the one of the scene's film."""
         return np.asarray(self._native.display(view_transform))
 
+    @checked
     def matte(self, *, ids: Iterable[int] | None = None, types: Iterable[str] | None = None) -> Floats:
         """The part of each pixel that the labels with these ids, or of these types, cover together, from 0 to 1: (height, width).
 
@@ -162,6 +165,7 @@ class Picture:
             raise InputError(f"types: expected names of types, got {odd[0]!r}")
         return np.asarray(self._native.matte("cryptomatte_type", names))
 
+    @checked
     def save(self, path: Path, *, passes: str | Sequence[str] = "all") -> None:
         """Writes an `.exr` (scene-linear, with these passes; `film.half` of the scene makes colours half floats) or a `.png` (as
         `film.view_transform` shows it); the file appears complete or not at all. Both carry what is needed to render them again.
@@ -169,13 +173,14 @@ class Picture:
         Passes: `all`, `none`, `light` for all passes of light, `cryptomatte` for both of its kinds, or names as in `passes`; passes that
         the picture lacks are left out.
         """
-        self._native.save(os.fspath(path), [passes] if isinstance(passes, str) else list(passes))
+        self._native.save(arguments.path("path", path), [passes] if isinstance(passes, str) else list(passes))
 
 
+@checked
 def open_picture(path: Path) -> Picture:
     """Opens a picture from an `.exr`, of Pumice or of another program, with the passes that it has. What a file does not hold is NaN
     (`seconds`) or empty (`curve`, `device`)."""
-    return Picture(_native.read_picture(os.fspath(path)))
+    return Picture(_native.read_picture(arguments.path("path", path)))
 
 
 def _number(value: float | None) -> float:
@@ -186,6 +191,7 @@ def _maybe(array: _native.Array | None) -> Any:
     return None if array is None else np.asarray(array)
 
 
+@checked
 def render(
     scene: Scene,
     volumes: Volumes | None = None,
@@ -247,10 +253,11 @@ def finished(native: _native.Picture) -> Picture:
     """The picture of a render, with a warning for each device that failed; called by the function that the user called."""
     picture = Picture(native)
     for line in picture.notices:
-        warnings.warn(line, PumiceWarning, stacklevel=3)
+        warnings.warn(line, PumiceWarning, stacklevel=4)
     return picture
 
 
+@checked
 def cryptomatte_hash(name: str) -> int:
     """The hash of a name in Cryptomatte."""
     return int(_native.cryptomatte_hash(name))
@@ -263,7 +270,7 @@ def in_order(scene: Scene, volumes: Volumes) -> list[_native.Volume]:
     if isinstance(volumes, Mapping):
         chosen = []
         for i, path in enumerate(scene._native.sources()):
-            source = os.fspath(path)
+            source = arguments.path("path", path)
             if source not in volumes:
                 raise InputError(f"instances[{i}].source: no volume was given for {source}")
             chosen.append(volumes[source])

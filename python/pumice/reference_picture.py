@@ -9,6 +9,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native, arguments
+from .checked import checked
 from .errors import InputError
 
 
@@ -19,6 +20,7 @@ TILE = 8
 class ReferencePicture:
     """The mean of many pictures of one scene, each with a seed of its own, and its noise. Immutable; its arrays can be stored."""
 
+    @checked
     def __init__(
         self,
         mean: npt.ArrayLike,
@@ -44,6 +46,7 @@ class ReferencePicture:
         )
 
     @classmethod
+    @checked
     def of(cls, pictures: npt.ArrayLike) -> ReferencePicture:
         """The reference of pictures (n, height, width, 3), scene-linear, two or more. They are rounded to 32-bit floats."""
         made = cls.__new__(cls)
@@ -75,6 +78,7 @@ class ReferencePicture:
         """Number of pictures."""
         return self._native.arrays()[4]
 
+    @checked
     def judge(self, pictures: npt.ArrayLike) -> dict[str, Any]:
         """Tests whether pictures (n, height, width, 3) converge to exactly this one: the test of equality of the ladder of scenes.
 

@@ -5,6 +5,7 @@ from __future__ import annotations
 from collections.abc import Callable, Sequence
 
 from . import _native, arguments, mesh
+from .checked import checked
 from .mesh import Mesh
 from .picture import CurvePoint, Picture, Volumes, finished, in_order, require_end, told_points
 from .scene import Scene
@@ -19,9 +20,11 @@ class Renderer:
     `backend`: as for `render`. One call renders at a time; `latest` may be called from any thread meanwhile.
     """
 
+    @checked
     def __init__(self, *, backend: str = "auto") -> None:
         self._native = _native.Renderer(backend)
 
+    @checked
     def render(
         self,
         scene: Scene,
@@ -55,6 +58,7 @@ class Renderer:
         )
         return finished(native)
 
+    @checked
     def latest(self, after: int = 0) -> Frame | None:
         """The newest frame of the picture that is rendered now, if its serial is above `after`, else None; never waits. A frame has no
         passes; read its pixels as those of `Session.latest`."""

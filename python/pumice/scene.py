@@ -3,12 +3,12 @@
 from __future__ import annotations
 
 import json
-import os
 from collections.abc import Iterable
 from typing import Any, Self
 
 from . import _native, arguments
 from .arguments import Path
+from .checked import checked
 from .errors import InputError
 from .labels import LabelFlags, LabelGroups, flags
 from .volume import Volume
@@ -21,10 +21,12 @@ MOST_PIXELS = 65536
 class Scene:
     """A validated, immutable scene. To change it, edit the result of `to_dict` and build a new scene from it."""
 
+    @checked
     def __init__(self, text: str | _native.Scene) -> None:
         self._native = _native.Scene.parse(text) if isinstance(text, str) else text
 
     @classmethod
+    @checked
     def from_dict(cls, fields: dict[str, Any]) -> Self:
         """Builds a scene from its fields; InputError names the field at fault."""
         try:
@@ -35,18 +37,21 @@ class Scene:
             raise InputError(f"scene: {error}") from error
 
     @classmethod
+    @checked
     def from_json(cls, text: str) -> Self:
         """Builds a scene from its JSON form."""
         return cls(text)
 
     @classmethod
+    @checked
     def load(cls, path: Path) -> Self:
         """Reads a scene file; relative paths in it become absolute."""
-        return cls(_native.Scene.load(os.fspath(path)))
+        return cls(_native.Scene.load(arguments.path("path", path)))
 
+    @checked
     def save(self, path: Path) -> None:
         """Writes a scene file, which appears complete or not at all."""
-        self._native.save(os.fspath(path))
+        self._native.save(arguments.path("path", path))
 
     def to_dict(self) -> dict[str, Any]:
         """A copy of the fields, with every default written out."""
@@ -57,6 +62,7 @@ class Scene:
         """The JSON form; reading it back gives every number exactly."""
         return self._native.to_json()
 
+    @checked
     def with_labels(
         self, instance: int, *, visible: LabelFlags | None = None, groups: LabelGroups | None = None
     ) -> Self:
@@ -74,6 +80,7 @@ class Scene:
         return f"<pumice.Scene {width}×{height}, {len(self._native.sources())} instances>"
 
 
+@checked
 def figure(
     volume: Volume,
     *,
@@ -94,5 +101,5 @@ def figure(
     pixels = [arguments.whole("size", n, 1, MOST_PIXELS) for n in size]
     if pick is not None:
         pick = arguments.whole("pick", pick, 1, arguments.MOST_32)
-    native = _native.figure(volume._native, os.fspath(source), (pixels[0], pixels[1]), ids, pick, view_deg)
+    native = _native.figure(volume._native, arguments.path("source", source), (pixels[0], pixels[1]), ids, pick, view_deg)
     return Scene(native)

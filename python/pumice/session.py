@@ -12,6 +12,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native, arguments, mesh
+from .checked import checked
 from .errors import InputError
 from .labels import LabelFlags, LabelGroups, flags
 from .mesh import Mesh
@@ -63,6 +64,7 @@ class Session:
     `denoise`: frames before the last are denoised (`Frame.filtered`); the last is the mean of its samples.
     """
 
+    @checked
     def __init__(
         self,
         scene: Scene,
@@ -81,24 +83,29 @@ class Session:
             scene._native, volumes_in_order, mesh.natives(meshes), how, denoise=bool(denoise)
         )
 
+    @checked
     def edit(self, *edits: dict[str, Any]) -> int:
         """Applies all edits or, on an error, none, and returns the new revision at once; InputError names the field at fault."""
         return int(self._native.edit(_text(list(edits))))
 
+    @checked
     def set_labels(
         self, instance: int, *, visible: LabelFlags | None = None, groups: LabelGroups | None = None
     ) -> int:
         """Chooses which labels of the instance with this id are drawn, and replaces the groups of its labels; returns the new revision."""
         return int(self._native.set_labels(instance, flags(visible), None if groups is None else groups._native))
 
+    @checked
     def add(self, instance: dict[str, Any], volume: Volume) -> int:
         """Adds an instance with its volume, or replaces the one with its id; returns the new revision."""
         return int(self._native.add(_text(instance), volume._native))
 
+    @checked
     def add_mesh(self, fields: dict[str, Any], triangles: Mesh) -> int:
         """Adds a mesh, by its fields in the scene, with its triangles, or replaces the one with its id; returns the new revision."""
         return int(self._native.add_mesh(_text(fields), triangles._native))
 
+    @checked
     def latest(self, after: int = 0) -> Frame | None:
         """The newest frame if its serial is above `after`, else None. numpy and Blender's `gpu.types.Buffer` read it without a copy."""
         return self._native.latest(after)
@@ -109,6 +116,7 @@ class Session:
         found = self._native.label_film()
         return None if found is None else LabelFilm(found[0], np.asarray(found[1]))
 
+    @checked
     def pick(self, x: int, y: int) -> Pick | None:
         """What lies under the centre of a pixel of the film, counted from the upper left."""
         if not (0 <= x <= arguments.MOST_32 and 0 <= y <= arguments.MOST_32):

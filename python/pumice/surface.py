@@ -8,9 +8,11 @@ import numpy as np
 
 from . import _native, arguments
 from ._native import Job
+from .checked import checked
 from .volume import Faces, Volume
 
 
+@checked
 def surface(
     volume: Volume,
     labels: Iterable[int] | None = None,
@@ -38,6 +40,7 @@ def surface(
     return Faces(np.asarray(vertices), np.asarray(quads), np.asarray(rows))
 
 
+@checked
 def count_faces(
     volume: Volume,
     labels: Iterable[int] | None = None,

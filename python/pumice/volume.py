@@ -15,6 +15,7 @@ import numpy.typing as npt
 
 from . import _native, arguments, blocks
 from .arguments import Axes, Choice, Level, Path, Reading
+from .checked import checked
 from .errors import InputError, PumiceWarning
 from .label_table import AnnotationTable
 
@@ -48,6 +49,7 @@ class LabelTable:
     def __len__(self) -> int:
         return len(self.ids)
 
+    @checked
     def index_of(self, label: int) -> int:
         """Row of a label; InputError where the volume has none with this id."""
         wanted = arguments.whole("label", label, 0, arguments.MOST_64)
@@ -56,11 +58,13 @@ class LabelTable:
             raise InputError(f"the volume has no label {wanted}")
         return row
 
+    @checked
     def query(self, line: str) -> npt.NDArray[np.bool_]:
         """Whether a query line such as `glia voxels>1000` holds, by row; see `query_labels`. It may compare `voxels`, `boxes`, `low_x` to
         `high_z`, `centre_x` to `centre_z` (the middle of the bounds in the volume's world) and the names of `columns`."""
         return np.asarray(self._volume.query(line))
 
+    @checked
     def auto_colors(
         self, visible: npt.ArrayLike | None = None, *, known: npt.ArrayLike | None = None
     ) -> npt.NDArray[np.float32]:
@@ -174,10 +178,12 @@ class Volume:
         """How many of `bytes_resident` are pages of the file and not memory of this process: see `open`."""
         return self._native.mapped_bytes()
 
+    @checked
     def save(self, path: Path, *, level: Level = "default", job: Job | None = None) -> None:
         """Writes a `.pumice` file, which appears complete or not at all; level is fast, default or small."""
-        self._native.save(os.fspath(path), level, job)
+        self._native.save(arguments.path("path", path), level, job)
 
+    @checked
     def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:
         """Compares every voxel and id with a file or an array; InputError names the first difference. Keywords are as for `open`."""
         read_as = _choice_of(source, choice)
@@ -185,6 +191,7 @@ class Volume:
         if difference is not None:
             raise InputError(difference)
 
+    @checked
     def decode(self, *, dtype: npt.DTypeLike | None = None, job: Job | None = None) -> npt.NDArray[Any]:
         """All labels as an array[x, y, z] in Fortran order; by default in the type they came from.
 
@@ -209,6 +216,7 @@ class Volume:
             out[:, :, z : z + n] = np.asarray(self._native.decode_block((0, 0, z), (x, y, n), job)).T
         return out
 
+    @checked
     def label_at(self, x: int, y: int, z: int) -> int:
         """Id of the label at a voxel; 0 is background and everything outside."""
         if min(x, y, z) < 0 or any(i >= n for i, n in zip((x, y, z), self.dims, strict=True)):
@@ -220,6 +228,7 @@ class Volume:
         origins, extents, labels = self._native.box_arrays()
         return np.asarray(origins), np.asarray(extents), np.asarray(labels)
 
+    @checked
     def faces(
         self,
         labels: Iterable[int] | None = None,
@@ -244,6 +253,7 @@ class Volume:
         )
         return Faces(np.asarray(vertices), np.asarray(quads), np.asarray(rows))
 
+    @checked
     def coarse_surface(
         self, visible: npt.ArrayLike | None = None, *, most_faces: int = 50_000, job: Job | None = None
     ) -> CoarseSurface:
@@ -272,6 +282,7 @@ class CoarseSurface:
     cell: tuple[int, int, int]
 
 
+@checked
 def distinct_colors(count: int, *, color_blind_safe: bool = False) -> npt.NDArray[np.float32]:
     """Linear Rec. 709 colours, (count, 3), each as far as possible from black, white and those before it; at most 256.
 
@@ -293,6 +304,7 @@ class Faces:
     labels: npt.NDArray[np.uint32]
 
 
+@checked
 def open(
     path: Path,
     *,
@@ -315,11 +327,12 @@ def open(
     errors cause a `PumiceWarning`.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
-    native, odd = _native.open(_path(path), labels=chosen, mapped=mapped, job=job, read_as=arguments.reading(reading))
+    native, odd = _native.open(arguments.path("path", path), labels=chosen, mapped=mapped, job=job, read_as=arguments.reading(reading))
     _warn(odd)
     return Volume(native)
 
 
+@checked
 def probe(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> dict[str, Any]:
     """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings.
 
@@ -328,9 +341,10 @@ def probe(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> 
     answer that is taken without the keyword; None where `open` refuses the file). The first volume is described. `bytes_expected` is the
     memory that compressing is expected to take.
     """
-    return dict(json.loads(_native.probe(_path(path), job=job, read_as=arguments.reading(reading))))
+    return dict(json.loads(_native.probe(arguments.path("path", path), job=job, read_as=arguments.reading(reading))))
 
 
+@checked
 def compress(
     source: Path | Any,
     *,
@@ -372,7 +386,7 @@ def compress(
         for name, given in (("unit", unit or None), ("world_from_index", world_from_index), ("names", names)):
             if given is not None:
                 raise InputError(f"{name}: a file says that itself; only arrays take it")
-        described: str | _Blocks = _path(source)
+        described: str | _Blocks = arguments.path("source", source)
         read_as = read_as._replace(spacing=None if spacing is None else arguments.three_lengths(spacing))
     else:
         described = _source(source, spacing, unit, world_from_index, names, read_as.axes)
@@ -405,7 +419,7 @@ def _source(
     axes: Axes | None = None,
 ) -> str | _Blocks:
     if isinstance(source, (str, os.PathLike)):
-        return _path(source)
+        return arguments.path("source", source)
     if not hasattr(source, "dtype") or not hasattr(source, "shape"):
         raise InputError(f"source: expected a path or an array, got {type(source).__name__}")
     kind = blocks.label_type(source)
@@ -421,19 +435,14 @@ def _source(
         # The same limit as in scenes: below it f64 has lost the digits of the third direction.
         if not abs(np.linalg.det(matrix[:3, :3])) > 1e-12 * np.prod(np.linalg.norm(matrix[:3, :3], axis=0)):
             raise InputError("world_from_index: expected a matrix that can be inverted; its axes lie in a plane")
+        if not all(map(arguments.is_length, np.linalg.norm(matrix[:3, :3], axis=0))):
+            raise InputError(f"world_from_index: expected columns as long as a voxel can be, got {matrix[:3, :3].tolist()}")
     elif spacing is not None:
         matrix[(0, 1, 2), (0, 1, 2)] = arguments.three_lengths(spacing)
     columns = matrix[:3].T.ravel().tolist()
     listed = list(zip(arguments.ids("names", names or {}), map(str, (names or {}).values()), strict=True))
     info = _native.volume_info(blocks.shape_of(source), kind, columns, unit, listed)
     return _Blocks(info, source)
-
-
-def _path(path: Path) -> str:
-    text = os.fspath(path)
-    if not isinstance(text, str):
-        raise InputError(f"path: expected text, got {type(text).__name__}")
-    return text
 
 
 def _choice_of(source: Path | Any, choice: Choice) -> arguments.ReadAs:
@@ -449,7 +458,7 @@ def _choice_of(source: Path | Any, choice: Choice) -> arguments.ReadAs:
 def _warn(odd: list[str]) -> None:
     for line in odd:
         # The warning points to the line that called `open` or `compress`.
-        warnings.warn(line, PumiceWarning, stacklevel=3)
+        warnings.warn(line, PumiceWarning, stacklevel=4)
 
 
 def _number_type(dtype: npt.DTypeLike) -> np.dtype[Any]:
@@ -462,16 +471,15 @@ def _number_type(dtype: npt.DTypeLike) -> np.dtype[Any]:
     return wanted
 
 
-def _type_table(types: Mapping[int, str] | Path | None) -> str | None:
+def _type_table(types: Mapping[int, str] | Path | None) -> str | pathlib.Path | None:
+    """The text of a table id,type, or the file that has one."""
     if types is None:
         return None
     if isinstance(types, (str, os.PathLike)):
-        try:
-            with pathlib.Path(types).open(encoding="utf-8") as file:
-                return file.read()
-        except (OSError, UnicodeDecodeError) as error:
-            raise InputError(f"{os.fspath(types)}: {error}") from error
+        return pathlib.Path(types)
     for label, name in types.items():
+        if not isinstance(name, str):
+            raise InputError(f"types: expected a text for label {label}, got {type(name).__name__}")
         if any(c in name for c in ',"\r\n') or name != name.strip() or not name:
             raise InputError(
                 f"types: the name {name!r} of label {label} is empty, begins or ends with a space, or has a comma, a quote or a line break"

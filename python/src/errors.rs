@@ -7,7 +7,7 @@ use pumice_formats::FormatError;
 use pumice_scene::SceneError;
 use pumice_session::SessionError;
 use pumice_transport::RenderError;
-use pyo3::PyErr;
+use pyo3::prelude::*;
 
 pyo3::import_exception!(pumice.errors, InputError);
 pyo3::import_exception!(pumice.errors, Cancelled);
@@ -31,9 +31,16 @@ impl IntoException for SessionError {
     }
 }
 
-/// The error of a wrong input, on one line: control characters in names of files and labels become escapes.
+/// The error of a wrong input.
 pub(crate) fn input(what: &impl std::fmt::Display) -> PyErr {
-    InputError::new_err(one_line(&what.to_string()))
+    InputError::new_err(what.to_string())
+}
+
+/// A text as it is shown: on one line of bounded length, with control characters as escapes.
+#[pyfunction]
+#[pyo3(name = "one_line")]
+pub(crate) fn shown(text: &str) -> String {
+    one_line(text)
 }
 
 /// The error with options of the command replaced by the keywords of Python.

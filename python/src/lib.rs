@@ -36,6 +36,8 @@ mod _native {
     #[pymodule_export]
     use crate::calls::end_calls;
     #[pymodule_export]
+    use crate::errors::shown;
+    #[pymodule_export]
     use crate::frame::Frame;
     #[pymodule_export]
     use crate::job::Job;

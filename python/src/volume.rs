@@ -375,6 +375,8 @@ pub(crate) enum Given {
     Types(String),
     /// A table of any kind.
     Table(Py<AnnotationTable>),
+    /// A path object, as a text is a table itself: the file of a CSV table id,type.
+    TypesFile(PathBuf),
 }
 
 /// Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
@@ -396,6 +398,9 @@ pub(crate) fn compress(
             (Some(TypeTable::parse_csv(text).map_err(IntoException::into_exception)?), None)
         }
         Some(Given::Table(table)) => (None, Some(&table.get().0)),
+        Some(Given::TypesFile(path)) => {
+            (Some(pumice_session::read_types(path).map_err(IntoException::into_exception)?), None)
+        }
         None => (None, None),
     };
     let reading = reading(read_as)?;

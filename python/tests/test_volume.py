@@ -243,7 +243,7 @@ def test_missing_files(name, tmp_path):
     with pytest.raises(pumice.InputError, match=name.replace("\n", r"\\n")) as caught:
         pumice.open(tmp_path / name)
     assert "\n" not in str(caught.value)
-    with pytest.raises(pumice.InputError, match="path: expected text"):
+    with pytest.raises(pumice.InputError, match="path: expected a path"):
         pumice.open(b"absent.nrrd")
 
 
