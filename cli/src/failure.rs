@@ -8,6 +8,8 @@ use std::io::Write;
 
 use pumice_core::error::one_line;
 
+use crate::progress::aside;
+
 /// Why the command stops. Its text is one line.
 #[derive(Debug)]
 pub(crate) enum Failure {
@@ -46,7 +48,8 @@ pub(crate) fn say(line: impl Display) -> Result<(), Failure> {
 
 /// Prints a warning to standard error.
 pub(crate) fn warn(what: impl Display) {
-    eprintln!("pumice: {}", one_line(&what.to_string()));
+    let line = one_line(&what.to_string());
+    aside(|| eprintln!("pumice: {line}"));
 }
 
 /// Prints a text as it is to standard output, which may have several lines.

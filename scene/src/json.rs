@@ -108,8 +108,8 @@ impl Scene {
         Ok(())
     }
 
-    /// The paths of all files that the scene names, each with the path of its field in the JSON form.
-    fn paths(&self) -> Vec<(String, &Path)> {
+    /// The paths of all files that the scene names, volumes, meshes, sky, each with the path of its field in the JSON form.
+    pub fn paths(&self) -> Vec<(String, &Path)> {
         let sources = self.instances.iter().enumerate();
         let mut paths: Vec<_> =
             sources.map(|(i, s)| (format!("instances[{i}].source"), s.source.as_path())).collect();
@@ -121,7 +121,8 @@ impl Scene {
         paths
     }
 
-    fn paths_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+    /// The paths of [`Scene::paths`] in the same order, to be changed.
+    pub fn paths_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
         let sky = match &mut self.world.environment {
             Environment::Image { path, .. } => Some(path),
             Environment::Constant { .. } => None,

@@ -18,6 +18,7 @@ pub mod open;
 pub mod persistent_renderer;
 pub mod plot;
 pub mod progressive;
+pub mod reading;
 pub mod render_file;
 pub mod savings;
 pub mod script;
@@ -43,11 +44,13 @@ pub use persistent_renderer::{PersistentRenderer, Watching};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
-pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout};
+pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout, Warnings};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
-pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
+pub use render_file::{
+    PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file,
+};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
 pub use verify_render::{VerifiedRender, VerifyMaps, VerifyProgress, VerifyRenderRequest, verify_render};

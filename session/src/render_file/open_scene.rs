@@ -12,6 +12,7 @@ use super::request::RenderOverrides;
 use crate::error::{Result, SessionError, io};
 use crate::figure::{FigureOptions, compose};
 use crate::open::{Residence, open_chosen, open_meshes, open_shown};
+use crate::reading::record;
 use crate::selection::select_labels;
 
 /// A scene with its volumes and meshes open.
@@ -38,9 +39,12 @@ pub(crate) fn open_scene(
 ) -> Result<OpenedScene> {
     let instead = overrides.labels.clone().map(Show::Only);
     let (mut scene, volumes, meshes) = if is_scene_file(path) {
-        let scene = Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
+        refuse_for_scene(path, overrides)?;
+        let mut scene =
+            Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
         let volumes = open_shown(&scene, instead.as_ref(), reading, Residence::Mapped, job)?;
         let meshes = open_meshes(&scene)?;
+        record(&mut scene, reading);
         (scene, volumes, meshes)
     } else {
         // `pick` chooses by the shape of labels and compares all of them, so all are read.
@@ -55,11 +59,25 @@ pub(crate) fn open_scene(
             view_deg: overrides.view_deg.unwrap_or(FigureOptions::DEFAULT_VIEW_DEG),
         };
         let absolute = path.canonicalize().map_err(io(path))?;
-        (compose(&volume, absolute, &options), vec![volume], Vec::new())
+        let mut scene = compose(&volume, absolute, &options);
+        record(&mut scene, reading);
+        (scene, vec![volume], Vec::new())
     };
     apply(overrides, &mut scene, &volumes)?;
     scene.validate().map_err(|source| SessionError::Scene { path: path.into(), source })?;
     Ok(OpenedScene { scene, volumes, meshes })
+}
+
+/// Refuses what composes the scene of a volume, for a file that is a scene already.
+fn refuse_for_scene(path: &Path, overrides: &RenderOverrides) -> Result<()> {
+    let (option, why) = match overrides {
+        RenderOverrides { pick: Some(_), .. } => {
+            ("--pick", "says itself which labels it shows; --labels shows others")
+        }
+        RenderOverrides { view_deg: Some(_), .. } => ("--view", "has a camera of its own"),
+        _ => return Ok(()),
+    };
+    Err(SessionError::Caller(format!("{option}: {} is a scene, which {why}", path.display())))
 }
 
 fn dense_labels(volume: &CompressedVolume, ids: &[u64]) -> Result<Vec<u32>> {
