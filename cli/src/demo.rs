@@ -9,7 +9,7 @@ use std::sync::Arc;
 
 use pumice_core::{CompressOptions, CompressionLevel, Job, Outputs, Verification, write_text};
 use pumice_formats::OpenOptions;
-use pumice_picture::Passes;
+use pumice_picture::{Passes, PicturePaths};
 use pumice_session::LoadedScene;
 use pumice_session::error::{Result, SessionError, io};
 use pumice_session::figure::{FigureOptions, compose};
@@ -123,7 +123,7 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
     watch(DemoStage::Write);
     for name in ["picture.png", "picture.exr"] {
         let path = options.out.join(name);
-        PictureFormat::of(&path)?.write(&path, &rendered.picture, &Passes::ALL)?;
+        PictureFormat::of(&path)?.write(&path, &rendered.picture, &Passes::ALL, PicturePaths::Relative)?;
     }
     let svg = error_against_time_svg(
         "Error against run time",

@@ -5,8 +5,11 @@
 
 use std::fmt::{self, Display};
 use std::io::Write;
+use std::sync::atomic::{AtomicBool, Ordering};
 
 use pumice_core::error::one_line;
+
+use crate::progress::aside;
 
 /// Why the command stops. Its text is one line.
 #[derive(Debug)]
@@ -49,8 +52,27 @@ pub(crate) fn say(line: impl Display) -> Result<(), Failure> {
 /// # Errors
 /// Where standard error is closed or full. What was to be said is lost then, so the exit code must tell that something was.
 pub(crate) fn warn(what: impl Display) -> Result<(), Failure> {
-    writeln!(std::io::stderr(), "pumice: {}", one_line(&what.to_string()))
+    let line = one_line(&what.to_string());
+    aside(|| writeln!(std::io::stderr(), "pumice: {line}"))
         .map_err(|e| Failure::new(format_args!("standard error: {e}")))
+}
+
+/// Whether a warning was lost that came while other work went on.
+static LOST: AtomicBool = AtomicBool::new(false);
+
+/// Prints a warning to standard error from within work that goes on; [`check_warnings`] fails later where it could not be written.
+pub(crate) fn warn_at_work(what: impl Display) {
+    if warn(what).is_err() {
+        LOST.store(true, Ordering::Relaxed);
+    }
+}
+
+/// Fails where a warning of [`warn_at_work`] is lost.
+pub(crate) fn check_warnings() -> Result<(), Failure> {
+    match LOST.load(Ordering::Relaxed) {
+        true => Err(Failure::new("standard error cannot be written, and a warning is lost")),
+        false => Ok(()),
+    }
 }
 
 /// Prints a text as it is to standard output, which may have several lines.

@@ -15,7 +15,7 @@ use clap::Parser;
 use pumice_session::{Job, with_threads};
 
 use crate::args::{Cli, Command};
-use crate::failure::{Failure, warn};
+use crate::failure::{Failure, check_warnings, warn};
 
 /// The result of a command that ran without an error: `Yes` (or done) gives exit code 0, `No` gives 1.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -59,7 +59,10 @@ fn main() -> ExitCode {
         Command::Bench(a) => commands::bench::run(&a, &job),
     };
     match with_threads(run).unwrap_or_else(|e| Err(e.into())) {
-        Ok(Answer::Yes) | Err(Failure::StdoutClosed) => ExitCode::SUCCESS,
+        Ok(Answer::Yes) | Err(Failure::StdoutClosed) => match check_warnings() {
+            Ok(()) => ExitCode::SUCCESS,
+            Err(lost) => bad(&lost),
+        },
         Ok(Answer::No) => ExitCode::from(1),
         Err(failure @ Failure::Bad(_)) => bad(&failure),
     }

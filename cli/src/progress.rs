@@ -1,15 +1,27 @@
 //! Progress bars on standard error, shown only where it is a terminal.
 
 use std::io::IsTerminal;
-use std::sync::Arc;
 use std::sync::atomic::{AtomicBool, Ordering};
+use std::sync::{Arc, Mutex, PoisonError};
 use std::thread::JoinHandle;
 use std::time::Duration;
 
 use indicatif::{ProgressBar, ProgressDrawTarget, ProgressStyle};
 use pumice_session::Job;
 
-use crate::failure::warn;
+use crate::failure::warn_at_work;
+
+/// The bar that is on the terminal now.
+static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
+
+/// Does `work`, which writes to the terminal, with the bar that is there, if any, out of the way.
+pub(crate) fn aside<T>(work: impl FnOnce() -> T) -> T {
+    let shown = SHOWN.lock().unwrap_or_else(PoisonError::into_inner).clone();
+    match shown {
+        Some(bar) => bar.suspend(work),
+        None => work(),
+    }
+}
 
 /// A bar that follows a job until it is dropped.
 pub(crate) struct Bar {
@@ -37,7 +49,7 @@ impl Bar {
         let follower = match bar.is_hidden() {
             true => None,
             // The work goes on without its bar.
-            false => follow().map_err(|e| warn(format_args!("no progress is shown: {e}"))).ok(),
+            false => follow().map_err(|e| warn_at_work(format_args!("no progress is shown: {e}"))).ok(),
         };
         Self { bar, stop, follower }
     }
@@ -60,6 +72,9 @@ impl Bar {
             bar.set_style(style.progress_chars("━╸─"));
         }
         bar.set_message(what);
+        if !bar.is_hidden() {
+            *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = Some(bar.clone());
+        }
         bar
     }
 
@@ -82,6 +97,7 @@ impl Drop for Bar {
             // A panic of the follower only ends the drawing of the bar; it does not affect the job, so it is ignored.
             let _ = follower.join();
         }
+        *SHOWN.lock().unwrap_or_else(PoisonError::into_inner) = None;
         self.bar.finish_and_clear();
     }
 }

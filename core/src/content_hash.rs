@@ -5,6 +5,9 @@
 //! (u64 each) of its cells that are occupied and not solid. The form is canonical, so two volumes have the same hash exactly when they have
 //! the same size and the same id in every voxel. Spacing, names and types are not part of it.
 
+use std::io::{ErrorKind, Read as _};
+use std::path::Path;
+
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::CompressedVolume;
@@ -37,5 +40,23 @@ impl CompressedVolume {
             }
         });
         hash.digest128()
+    }
+}
+
+/// XXH3-128 of the bytes of a file, read in pieces: for files that a picture depends on and that are no volumes, such as its sky.
+///
+/// # Errors
+/// When the file cannot be read.
+pub fn hash_of_file(path: &Path) -> std::io::Result<u128> {
+    let mut file = std::fs::File::open(path)?;
+    let mut hash = Xxh3::new();
+    let mut piece = vec![0; 1 << 20];
+    loop {
+        match file.read(&mut piece) {
+            Ok(0) => return Ok(hash.digest128()),
+            Ok(n) => hash.update(&piece[..n]),
+            Err(error) if error.kind() == ErrorKind::Interrupted => {}
+            Err(error) => return Err(error),
+        }
     }
 }

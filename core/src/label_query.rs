@@ -158,6 +158,11 @@ impl LabelQuery {
         parse::parse(line)
     }
 
+    /// The ids that the line names one by one, in its order; ids of ranges and behind a `-` are not among them.
+    pub fn named_ids(&self) -> impl Iterator<Item = u64> {
+        self.ids.iter().filter(|(first, last)| first == last).map(|(id, _)| *id)
+    }
+
     /// Names of the columns of numbers that the query compares, as the line has them.
     pub fn column_names(&self) -> impl Iterator<Item = &str> {
         self.conditions.iter().filter_map(|condition| match &condition.test {

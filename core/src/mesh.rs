@@ -195,16 +195,19 @@ impl MeshData {
         self.materials.get(triangle).copied().unwrap_or(0)
     }
 
-    /// XXH3-128 of all corners, triangles, material indices and normals.
+    /// XXH3-128 of all corners, triangles, material indices and normals. Indices that were left out count as the zeros that they stand for, so
+    /// that a mesh has the same hash when it is read from a file.
     pub fn content_hash(&self) -> u128 {
         let mut hasher = Xxh3::new();
-        for count in [self.positions.len(), self.triangles.len(), self.materials.len()] {
+        for count in [self.positions.len(), self.triangles.len(), self.triangles.len()] {
             hasher.update(&(count as u64).to_le_bytes());
         }
         for v in self.positions.iter().flatten() {
             hasher.update(&v.to_bits().to_le_bytes());
         }
-        for v in self.triangles.iter().flatten().chain(&self.materials).chain(self.normals.iter().flatten()) {
+        let materials = (0..self.triangles.len()).map(|triangle| self.material(triangle));
+        let corners = self.triangles.iter().flatten().copied();
+        for v in corners.chain(materials).chain(self.normals.iter().flatten().copied()) {
             hasher.update(&v.to_le_bytes());
         }
         hasher.digest128()
@@ -264,6 +267,12 @@ mod tests {
         );
         let mesh = MeshData::new(corners, vec![[0, 1, 2], [2, 1, 0]], vec![4, 5]).unwrap();
         assert_eq!([mesh.material(0), mesh.material(1), mesh.material(2)], [4, 5, 0]);
+        let hash = |materials| {
+            let [a, b] = [[0, 1, 2], [2, 1, 0]];
+            MeshData::new(mesh.positions.clone(), vec![a, b], materials).unwrap().content_hash()
+        };
+        assert_eq!(hash(vec![]), hash(vec![0, 0]));
+        assert_ne!(hash(vec![]), hash(vec![0, 1]));
     }
 
     #[test]

@@ -10,8 +10,8 @@ use pumice_cpu::CpuRenderer;
 use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
 use pumice_picture::Picture;
 use pumice_scene::{
-    Camera, Environment, Film, Filter, Instance, LabelStyle, Lod, Projection, SCENE_VERSION, Scene, Settings,
-    World,
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Lod, Projection, Reading, SCENE_VERSION, Scene,
+    Settings, World,
 };
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::{Hit, LoadedScene, PathOrigin, RayInWorld, Renderer, SurfaceKind, Tracer};
@@ -317,6 +317,7 @@ fn edits_switch_it() {
         instances: vec![Instance {
             id: 1,
             source: "memory".into(),
+            reading: Reading::default(),
             world_from_index: place,
             style: LabelStyle::default(),
         }],

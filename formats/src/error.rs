@@ -92,6 +92,16 @@ pub enum FormatError {
         /// The possible choices.
         choices: String,
     },
+    /// An option of the caller has no meaning for the file.
+    #[error("{}: {option} cannot be chosen: {why}", path.display())]
+    NotApplicable {
+        /// The file.
+        path: PathBuf,
+        /// The option of the command, such as `--axes`, with its value where that helps.
+        option: String,
+        /// Why the file leaves nothing to choose, and which files do.
+        why: String,
+    },
     /// An option of the caller does not fit the file.
     #[error("{}: {what}", path.display())]
     Option {

@@ -50,6 +50,7 @@ mod voxel_writer;
 mod write_nifti;
 mod write_npy;
 mod write_nrrd;
+mod write_ply;
 mod write_tiff;
 
 pub use choice::{ChoiceValue, OpenChoice};
@@ -60,3 +61,4 @@ pub use open::{Probe, open, probe};
 pub use options::{ArrayAxes, OpenOptions, RawLayout, Warnings};
 pub use orientation::orientation;
 pub use volume_file::Layer;
+pub use write_ply::write_mesh;

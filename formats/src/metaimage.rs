@@ -21,7 +21,8 @@ use crate::text_stream::TextStream;
 use crate::volume_file::{Format, OpenStream, VolumeFile};
 
 /// MetaImage files.
-pub(crate) const FORMAT: Format = Format { name: "MetaImage", asks_axes: false, recognises, read };
+pub(crate) const FORMAT: Format =
+    Format { name: "MetaImage", asks_axes: false, has_arrays: false, recognises, read };
 
 /// Whether a file is a MetaImage. The format has no magic number, so its first fields decide, or else the file's name.
 fn recognises(path: &Path, head: &[u8]) -> bool {

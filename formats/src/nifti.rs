@@ -24,7 +24,8 @@ use crate::stream::{ByteStream, PlainStream, open_file};
 use crate::volume_file::{Format, VolumeFile};
 
 /// NIfTI files.
-pub(crate) const FORMAT: Format = Format { name: "NIfTI", asks_axes: false, recognises, read };
+pub(crate) const FORMAT: Format =
+    Format { name: "NIfTI", asks_axes: false, has_arrays: false, recognises, read };
 
 /// Whether a file is NIfTI: by its first bytes (inflated if necessary), or else by its name.
 fn recognises(path: &Path, head: &[u8]) -> bool {

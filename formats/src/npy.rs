@@ -22,8 +22,13 @@ use crate::stream::{ByteStream, PlainStream, open_file};
 use crate::volume_file::{Format, VolumeFile};
 
 /// NPY files.
-pub(crate) const FORMAT: Format =
-    Format { name: "NPY", asks_axes: true, recognises: |_, head| head.starts_with(npy_header::MAGIC), read };
+pub(crate) const FORMAT: Format = Format {
+    name: "NPY",
+    asks_axes: true,
+    has_arrays: false,
+    recognises: |_, head| head.starts_with(npy_header::MAGIC),
+    read,
+};
 
 /// Reads the header of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {

@@ -29,6 +29,7 @@ const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
 pub(crate) const FORMAT: Format = Format {
     name: "NPZ",
     asks_axes: true,
+    has_arrays: true,
     recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)),
     read,
 };

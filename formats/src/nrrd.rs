@@ -24,8 +24,13 @@ use crate::volume_file::{Format, Layer, OpenStream, VolumeFile};
 const MAGIC: &[u8] = b"NRRD";
 
 /// NRRD files.
-pub(crate) const FORMAT: Format =
-    Format { name: "NRRD", asks_axes: false, recognises: |_, head| head.starts_with(MAGIC), read };
+pub(crate) const FORMAT: Format = Format {
+    name: "NRRD",
+    asks_axes: false,
+    has_arrays: false,
+    recognises: |_, head| head.starts_with(MAGIC),
+    read,
+};
 
 /// Reads the header of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {

@@ -27,8 +27,26 @@ pub struct OpenOptions {
     pub outputs: Outputs,
 }
 
+impl OpenOptions {
+    /// The options of the command that the caller has given, such as `--layer`.
+    pub fn given(&self) -> Vec<&'static str> {
+        // Taken apart by name, so that a new field cannot be forgotten here.
+        let Self { layer, time, channel, array, spacing, raw, axes, warnings: _ } = self;
+        let all = [
+            ("--layer", layer.is_some()),
+            ("--time-step", time.is_some()),
+            ("--channel", channel.is_some()),
+            ("--array", array.is_some()),
+            ("--spacing", spacing.is_some()),
+            ("--axes", axes.is_some()),
+            ("--raw-dims", raw.is_some()),
+        ];
+        all.into_iter().filter(|(_, is_given)| *is_given).map(|(option, _)| option).collect()
+    }
+}
+
 /// Layout of voxels without a header, in x-fastest order; a gzip file is recognised.
-#[derive(Clone, Debug)]
+#[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawLayout {
     /// Voxels along x, y, z.
     pub dims: [u64; 3],
@@ -68,21 +86,80 @@ impl ArrayAxes {
 }
 
 /// A list of one-line warnings, shared by reader and caller.
-#[derive(Clone, Debug, Default)]
-pub struct Warnings(Arc<Mutex<Vec<String>>>);
+#[derive(Clone, Default)]
+pub struct Warnings {
+    list: Arc<Mutex<Vec<String>>>,
+    listener: Option<Arc<Listener>>,
+}
+
+/// A function that is called with each warning.
+type Listener = dyn Fn(&str) + Send + Sync;
 
 impl Warnings {
+    /// An empty list; `listener` is called with each warning as it is added.
+    pub fn told_to(listener: impl Fn(&str) + Send + Sync + 'static) -> Self {
+        Self { list: Arc::default(), listener: Some(Arc::new(listener)) }
+    }
+
     /// Adds a warning, unless the same text is already there.
     pub(crate) fn push(&self, text: impl Into<String>) {
         let text = text.into();
-        let mut list = self.0.lock().unwrap_or_else(PoisonError::into_inner);
-        if !list.contains(&text) {
-            list.push(text);
+        let mut list = self.list.lock().unwrap_or_else(PoisonError::into_inner);
+        if list.contains(&text) {
+            return;
         }
+        if let Some(listener) = &self.listener {
+            listener(&text);
+        }
+        list.push(text);
     }
 
     /// All warnings up to now.
     pub fn list(&self) -> Vec<String> {
-        self.0.lock().unwrap_or_else(PoisonError::into_inner).clone()
+        self.list.lock().unwrap_or_else(PoisonError::into_inner).clone()
+    }
+}
+
+impl std::fmt::Debug for Warnings {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_tuple("Warnings").field(&self.list()).finish()
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_listener_hears_each_warning_once_at_once() {
+        let heard: Warnings = Warnings::default();
+        let copy = heard.clone();
+        let warnings = Warnings::told_to(move |text| copy.push(text));
+        warnings.push("a");
+        assert_eq!(heard.list(), ["a"]);
+        warnings.clone().push("a");
+        warnings.push("b");
+        assert_eq!(
+            (heard.list(), warnings.list()),
+            (vec!["a".into(), "b".into()], vec!["a".into(), "b".into()])
+        );
+    }
+
+    #[test]
+    fn each_option_that_is_given_is_named() {
+        assert_eq!(OpenOptions::default().given(), [""; 0]);
+        let raw = RawLayout { dims: [1; 3], label_type: LabelType::U8, big_endian: false, offset: 0 };
+        let all = OpenOptions {
+            layer: Some(0),
+            time: Some(0),
+            channel: Some(0),
+            array: Some(String::new()),
+            spacing: Some([1.0; 3]),
+            raw: Some(raw),
+            axes: Some(ArrayAxes::Xyz),
+            warnings: Warnings::default(),
+        };
+        let options = ["--layer", "--time-step", "--channel", "--array", "--spacing", "--axes", "--raw-dims"];
+        assert_eq!(all.given(), options);
     }
 }

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use pumice_core::VolumeInfo;
 
+use crate::choice::{self, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::gzip::{GZIP_MAGIC, InflateStream, Wrapping};
@@ -15,6 +16,15 @@ use crate::volume_file::VolumeFile;
 
 /// Describes the file at `path` with the layout `raw`.
 pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Result<VolumeFile> {
+    let (time, channel, layer) = (options.time, options.channel, options.layer);
+    refuse_absent(path, &[(&choice::TIME, time), (&choice::CHANNEL, channel), (&choice::LAYER, layer)])?;
+    if raw.big_endian && Element::new(raw.label_type, false).bytes() == 1 {
+        return Err(FormatError::NotApplicable {
+            path: path.to_owned(),
+            option: "--raw-big-endian".into(),
+            why: "the labels have one byte each".into(),
+        });
+    }
     let element = Element::new(raw.label_type, raw.big_endian);
     let layout = Layout::x_fastest(path, raw.dims, element.bytes())?;
     let mut magic = [0; 2];

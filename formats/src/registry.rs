@@ -5,6 +5,7 @@ use std::io::Read;
 use std::path::Path;
 
 use crate::error::{FormatError, Result};
+use crate::header_text::shorten;
 use crate::options::OpenOptions;
 use crate::stream::open_file;
 use crate::volume_file::{Format, VolumeFile};
@@ -23,11 +24,13 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     options.outputs.check_input(path)?;
     if let Some(layout) = &options.raw {
         refuse_axes(path, options, "raw voxels lie with x fastest")?;
+        refuse_array(path, options, "raw voxels")?;
         return raw::read(path, layout, options);
     }
     let metadata = std::fs::metadata(path).map_err(FormatError::io(path))?;
     if metadata.is_dir() {
         refuse_axes(path, options, "slices of a folder have x and y, and lie along z")?;
+        refuse_array(path, options, "a folder of slices")?;
         return tiff_folder::read(path, options);
     }
     let mut head = Vec::new();
@@ -40,6 +43,9 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             if !format.asks_axes {
                 refuse_axes(path, options, &format!("{} files say which axis is which", format.name))?;
             }
+            if !format.has_arrays {
+                refuse_array(path, options, &format!("{} files", format.name))?;
+            }
             (format.read)(path, options)
         }
         None => Err(unknown(path, &guess(&head))),
@@ -48,16 +54,24 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
 
 /// Refuses an order of axes for a file that does not leave it open; `why` says who decides.
 fn refuse_axes(path: &Path, options: &OpenOptions, why: &str) -> Result<()> {
-    match options.axes {
-        None => Ok(()),
-        Some(axes) => Err(FormatError::option(
-            path,
-            format!(
-                "the order of axes {} cannot be chosen: {why}; only .npy and .npz arrays leave it open",
-                axes.name()
-            ),
-        )),
-    }
+    options.axes.map_or(Ok(()), |axes| {
+        Err(FormatError::NotApplicable {
+            path: path.to_owned(),
+            option: format!("--axes {}", axes.name()),
+            why: format!("{why}; only .npy and .npz arrays leave it open"),
+        })
+    })
+}
+
+/// Refuses the name of an array for a file that is no archive of arrays.
+fn refuse_array(path: &Path, options: &OpenOptions, what: &str) -> Result<()> {
+    options.array.as_ref().map_or(Ok(()), |name| {
+        Err(FormatError::NotApplicable {
+            path: path.to_owned(),
+            option: format!("--array {}", shorten(name)),
+            why: format!("{what} have no named arrays; only .npz archives do"),
+        })
+    })
 }
 
 /// A guess at what a file of unknown format is.

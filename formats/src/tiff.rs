@@ -23,6 +23,7 @@ const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 pub(crate) const FORMAT: Format = Format {
     name: "TIFF",
     asks_axes: false,
+    has_arrays: false,
     recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)),
     read,
 };

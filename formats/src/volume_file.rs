@@ -19,6 +19,8 @@ pub(crate) struct Format {
     pub(crate) name: &'static str,
     /// Whether its files leave the order of axes open, so that [`crate::OpenOptions::axes`] applies.
     pub(crate) asks_axes: bool,
+    /// Whether its files hold arrays by name, so that [`crate::OpenOptions::array`] applies.
+    pub(crate) has_arrays: bool,
     /// Whether a file is of this format, by its path and its first bytes.
     pub(crate) recognises: fn(&Path, &[u8]) -> bool,
     /// Reads the header.

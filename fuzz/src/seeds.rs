@@ -247,6 +247,7 @@ pub fn pictures() -> Vec<Vec<u8>> {
             scene: Scene::from_json(SCENE).unwrap(),
             volume_hashes: vec!["0123456789abcdef0123456789abcdef".into()],
             mesh_hashes: Vec::new(),
+            sky_hash: None,
             spp: 64,
             error_estimate: Some(0.01),
             annotations: pumice_picture::Annotations { dpi: Some(300.0), ..Default::default() },

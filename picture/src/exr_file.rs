@@ -34,8 +34,9 @@ use crate::cryptomatte::{self, Matte};
 use crate::exr_header::SortedHeader;
 use crate::exr_read;
 use crate::picture_labels::LABELS_KEY;
+use crate::provenance_paths::{PicturePaths, for_file};
 use crate::provenance_text::{PROVENANCE_KEY, json_in_ascii, provenance_to_ascii};
-use crate::{Image, Pass, Passes, Picture, PictureError};
+use crate::{Image, Pass, Passes, Picture, PictureError, Provenance};
 
 /// The source of a channel's samples.
 #[derive(Clone, Copy)]
@@ -54,7 +55,7 @@ enum Samples<'a> {
 /// [`PictureError::Io`] for an error of the system, [`PictureError::File`] when the picture does not fit the format or its passes
 /// have different sizes.
 pub fn write_exr(path: &Path, picture: &Picture, passes: &Passes) -> Result<(), PictureError> {
-    write_atomically(path, |file| write_to(file, path, picture, passes, false))
+    write_exr_as(path, picture, passes, false, PicturePaths::Relative)
 }
 
 /// As [`write_exr`], with colours as 16-bit floats, rounded to the nearest, ties to even. Values beyond ±65,504 are clamped, as Blender
@@ -64,7 +65,22 @@ pub fn write_exr(path: &Path, picture: &Picture, passes: &Passes) -> Result<(), 
 /// # Errors
 /// As [`write_exr`].
 pub fn write_exr_half(path: &Path, picture: &Picture, passes: &Passes) -> Result<(), PictureError> {
-    write_atomically(path, |file| write_to(file, path, picture, passes, true))
+    write_exr_as(path, picture, passes, true, PicturePaths::Relative)
+}
+
+/// As [`write_exr_half`] if `half`, otherwise as [`write_exr`]; `paths` says what the file tells of where its sources are.
+///
+/// # Errors
+/// As [`write_exr`].
+pub fn write_exr_as(
+    path: &Path,
+    picture: &Picture,
+    passes: &Passes,
+    half: bool,
+    paths: PicturePaths,
+) -> Result<(), PictureError> {
+    let made = picture.provenance.as_ref().map(|made| for_file(made, path, paths));
+    write_atomically(path, |file| write_to(file, path, picture, made.as_ref(), passes, half))
 }
 
 /// Whether a pass holds colours, or other values for which 16 bits are enough.
@@ -185,6 +201,7 @@ fn write_to(
     writer: &mut (impl Write + Seek),
     path: &Path,
     picture: &Picture,
+    provenance: Option<&Provenance>,
     passes: &Passes,
     half: bool,
 ) -> Result<(), PictureError> {
@@ -206,7 +223,7 @@ fn write_to(
             return Err(refuse(format!("channel {name}: expected {width} × {height} samples")));
         }
     }
-    let header = header_of(picture, passes, &channels).map_err(refuse)?;
+    let header = header_of(picture, provenance, passes, &channels).map_err(refuse)?;
     exr::block::write(SortedHeader::new(writer), [header].into_iter().collect(), true, |meta, chunks| {
         let blocks = meta.collect_ordered_blocks(|block| {
             UncompressedBlock::from_lines(&meta.headers[block.layer].channels, block, |line| {
@@ -242,6 +259,7 @@ fn fill<T: Copy, const N: usize>(bytes: &mut [u8], samples: &[T], encode: impl F
 
 fn header_of(
     picture: &Picture,
+    provenance: Option<&Provenance>,
     passes: &Passes,
     channels: &[(String, Samples<'_>)],
 ) -> Result<Header, String> {
@@ -259,7 +277,7 @@ fn header_of(
         horizontal_density: picture.dpi.map(|dpi| dpi as f32),
         ..LayerAttributes::default()
     };
-    if let Some(provenance) = &picture.provenance {
+    if let Some(provenance) = provenance {
         let json = Text::from(provenance_to_ascii(provenance)?.as_str());
         layer.other.insert(Text::from(PROVENANCE_KEY), AttributeValue::Text(json));
     }
@@ -417,7 +435,15 @@ mod tests {
         let picture = sample_pictures::picture(40, 50);
         let bytes = || {
             let mut bytes = Cursor::new(Vec::new());
-            write_to(&mut bytes, Path::new("a.exr"), &picture, &Passes::ALL, false).unwrap();
+            write_to(
+                &mut bytes,
+                Path::new("a.exr"),
+                &picture,
+                picture.provenance.as_ref(),
+                &Passes::ALL,
+                false,
+            )
+            .unwrap();
             bytes.into_inner()
         };
         assert_eq!(bytes(), bytes());
@@ -489,7 +515,14 @@ mod tests {
         let picture = sample_pictures::picture(30, 40);
         let write = |left| {
             let mut disk = Full { inner: Cursor::new(Vec::new()), left };
-            let result = write_to(&mut disk, Path::new("a.exr"), &picture, &Passes::ALL, false);
+            let result = write_to(
+                &mut disk,
+                Path::new("a.exr"),
+                &picture,
+                picture.provenance.as_ref(),
+                &Passes::ALL,
+                false,
+            );
             (result, disk.inner.into_inner().len())
         };
         let (result, whole) = write(usize::MAX);

@@ -24,6 +24,9 @@ pub struct Provenance {
     /// The same of each mesh, in the order of the scene's meshes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mesh_hashes: Vec<String>,
+    /// XXH3-128 of the bytes of the sky's picture, 32 hexadecimal digits; `None` where the scene has no such picture.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub sky_hash: Option<String>,
     /// Samples per pixel.
     pub spp: u32,
     /// Estimated relative error, where known.

@@ -15,6 +15,7 @@ use rayon::prelude::*;
 use crate::annotate::over_display;
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
+use crate::provenance_paths::{PicturePaths, for_file};
 use crate::provenance_text::{PROVENANCE_KEY, provenance_to_ascii};
 use crate::view_transform::shown;
 use crate::{Picture, PictureError, Provenance, ViewTransform};
@@ -37,16 +38,33 @@ pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PictureError> {
 /// # Errors
 /// As [`write_png`].
 pub fn write_png_shown(path: &Path, picture: &Picture, view: ViewTransform) -> Result<(), PictureError> {
-    write_atomically(path, |file| write_to(file, picture, view).map_err(|failure| failure.at(path)))
+    write_png_as(path, picture, view, PicturePaths::Relative)
 }
 
-/// The bytes of the PNG file of a picture.
+/// As [`write_png_shown`]; `paths` says what the file tells of where its sources are.
+///
+/// # Errors
+/// As [`write_png`].
+pub fn write_png_as(
+    path: &Path,
+    picture: &Picture,
+    view: ViewTransform,
+    paths: PicturePaths,
+) -> Result<(), PictureError> {
+    let made = picture.provenance.as_ref().map(|made| for_file(made, path, paths));
+    write_atomically(path, |file| {
+        write_to(file, picture, made.as_ref(), view).map_err(|failure| failure.at(path))
+    })
+}
+
+/// The bytes of the PNG file of a picture, with the paths of its provenance as they are.
 ///
 /// # Errors
 /// As [`write_png`], without a file's name.
 pub fn png_bytes(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, PictureError> {
     let mut bytes = Vec::new();
-    write_to(&mut bytes, picture, view).map_err(|failure| failure.at(Path::new("a PNG in memory")))?;
+    let made = picture.provenance.as_ref();
+    write_to(&mut bytes, picture, made, view).map_err(|failure| failure.at(Path::new("a PNG in memory")))?;
     Ok(bytes)
 }
 
@@ -100,7 +118,7 @@ fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> 
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_pixel_dims(density(picture));
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
-    if let Some(provenance) = &picture.provenance {
+    if let Some(provenance) = provenance {
         encoder.add_itxt_chunk(PROVENANCE_KEY.into(), provenance_to_ascii(provenance)?)?;
     }
     let mut image = encoder.write_header()?;
@@ -238,12 +256,13 @@ mod tests {
     fn a_full_disk_is_an_io_error() {
         let picture = sample_pictures::picture(30, 30);
         let mut whole = Vec::new();
-        write_to(&mut whole, &picture, ViewTransform::Standard).unwrap();
+        let made = picture.provenance.as_ref();
+        write_to(&mut whole, &picture, made, ViewTransform::Standard).unwrap();
         for room in [0, 8, 60, whole.len() - 1] {
             // A cursor over a slice writes 0 bytes where the slice ends, which `write_all` reports.
             let mut disk = vec![0; room];
-            let error =
-                write_to(&mut Cursor::new(&mut disk[..]), &picture, ViewTransform::Standard).unwrap_err();
+            let error = write_to(&mut Cursor::new(&mut disk[..]), &picture, made, ViewTransform::Standard)
+                .unwrap_err();
             assert!(matches!(error, Failure::Io(_)), "{room} bytes: {error:?}");
         }
     }

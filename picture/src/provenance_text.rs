@@ -8,12 +8,14 @@ use serde::Serialize;
 
 use crate::exr_read::{self, Failure};
 use crate::png_file;
+use crate::provenance_paths::from_file;
 use crate::{PictureError, Provenance};
 
 /// Name of the EXR attribute and keyword of the PNG text that hold the provenance.
 pub(crate) const PROVENANCE_KEY: &str = "pumice";
 
-/// Reads the provenance of the picture at `path`, which is an OpenEXR or PNG file by its content; `None` if it has none.
+/// Reads the provenance of the picture at `path`, which is an OpenEXR or PNG file by its content; `None` if it has none. Relative paths in
+/// it are taken from the picture's folder and become absolute.
 ///
 /// # Errors
 /// [`PictureError::Io`] for an error of the system, [`PictureError::File`] when the file is of another kind or damaged, or when its
@@ -33,7 +35,8 @@ pub fn read_provenance(path: &Path) -> Result<Option<Provenance>, PictureError> 
             Err(Failure::File("expected an OpenEXR or PNG file".into()))
         }
     };
-    read().map_err(|failure: Failure| failure.at(path))
+    let made = read().map_err(|failure: Failure| failure.at(path))?;
+    Ok(made.map(|made| from_file(made, path)))
 }
 
 /// The provenance as JSON in pure ASCII.
@@ -70,8 +73,12 @@ mod tests {
         let (exr, png) = (folder.path().join("a.png"), folder.path().join("b.exr"));
         write_exr(&exr, &picture, &Passes::NONE).unwrap();
         write_png(&png, &picture).unwrap();
+        // The sample's source is relative, so it is taken from the picture's folder.
+        let mut expected = sample_pictures::provenance();
+        let source = &mut expected.scene.instances[0].source;
+        *source = folder.path().canonicalize().unwrap().join(&*source);
         for path in [&exr, &png] {
-            assert_eq!(read_provenance(path).unwrap(), Some(sample_pictures::provenance()));
+            assert_eq!(read_provenance(path).unwrap(), Some(expected.clone()));
         }
         picture.provenance = None;
         write_exr(&exr, &picture, &Passes::NONE).unwrap();

@@ -29,6 +29,7 @@ pub(crate) fn provenance() -> Provenance {
         scene,
         volume_hashes: vec!["0123456789abcdef0123456789abcdef".into()],
         mesh_hashes: Vec::new(),
+        sky_hash: None,
         spp: 64,
         error_estimate: Some(0.012_345_678_901_234_5),
         annotations: Annotations {

@@ -167,6 +167,10 @@ class Mesh:
         """
         Whether some triangle is shaded smooth.
         """
+    def save(self, /, path: str | PathLike[str]) -> None:
+        """
+        Writes a PLY file, which appears complete or not at all.
+        """
 
 @final
 class Picture:
@@ -232,6 +236,9 @@ class Picture:
     def pick(self, /, x: SupportsIndex, y: SupportsIndex, volume: Volume | None) -> str:
         """
         What lies under a pixel, as JSON text; its voxel with the volume that is seen there.
+    def paths(self, /) -> list[tuple[str, Path]]:
+        """
+        The files that the picture names, each with its field in the scene.
         """
     def position(self, /) -> Array | None:
         """
@@ -241,9 +248,9 @@ class Picture:
         """
         Samples of each pixel: (height, width).
         """
-    def save(self, /, path: str | PathLike[str], passes: SupportsGetItem[int, str]) -> None:
+    def save(self, /, path: str | PathLike[str], passes: SupportsGetItem[int, str], no_paths: bool) -> None:
         """
-        Writes an EXR or a PNG, which appears complete or not at all.
+        Writes an EXR or a PNG, which appears complete or not at all; with `no_paths` it does not tell where its sources are.
         """
     def variance(self, /) -> Array | None:
         """
@@ -312,6 +319,10 @@ class Scene:
         """
         Reads the JSON form and checks every field.
         """
+    def paths(self, /) -> list[tuple[str, Path]]:
+        """
+        All files that the scene names, each with its field.
+        """
     def rests(self, /) -> bool:
         """
         Whether the settings end a render by themselves, when all pixels rest.
@@ -335,6 +346,10 @@ class Scene:
     def with_labels(self, /, id: SupportsIndex, visible: tuple[Buffer, Buffer] | None, groups: LabelGroups | None) -> Scene:
         """
         The scene with other labels drawn of an instance, and with other groups of its labels.
+        """
+    def with_reading(self, /, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None]) -> Scene:
+        """
+        The scene with the file of its first instance read in this way.
         """
 
 @final

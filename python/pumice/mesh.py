@@ -2,12 +2,14 @@
 
 from __future__ import annotations
 
+import os
 from collections.abc import Sequence
 
 import numpy as np
 import numpy.typing as npt
 
 from . import _native
+from .arguments import Path
 from .checked import checked
 from .errors import InputError
 
@@ -39,6 +41,11 @@ class Mesh:
             of_triangles = np.ndim(normals) == 3
             directions = _array("normals", normals, np.float32, 3 if of_triangles else 2)
         self._native = _native.Mesh(corners, faces, chosen, directions, of_triangles)
+
+    def save(self, path: Path) -> None:
+        """Writes a PLY file, which appears complete or not at all, and to which a scene's `meshes` may refer. Read again, it is the same mesh
+        with the same `content_hash`, unless triangles have different normals at one corner: each triangle has corners of its own then."""
+        self._native.save(os.fspath(path))
 
     def __repr__(self) -> str:
         corners, triangles, bytes_resident = self._native.counts()

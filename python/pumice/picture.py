@@ -17,6 +17,7 @@ from .checked import checked
 from .errors import InputError, PumiceWarning
 from .mesh import Mesh
 from .scene import Scene
+from .sources import warn_of_missing
 from .volume import Job, Volume
 
 Floats = npt.NDArray[np.float32]
@@ -166,14 +167,19 @@ class Picture:
         return np.asarray(self._native.matte("cryptomatte_type", names))
 
     @checked
-    def save(self, path: Path, *, passes: str | Sequence[str] = "all") -> None:
+    def save(self, path: Path, *, passes: str | Sequence[str] = "all", no_paths: bool = False) -> None:
         """Writes an `.exr` (scene-linear, with these passes; `film.half` of the scene makes colours half floats) or a `.png` (as
         `film.view_transform` shows it); the file appears complete or not at all. Both carry what is needed to render them again.
 
         Passes: `all`, `none`, `light` for all passes of light, `cryptomatte` for both of its kinds, or names as in `passes`; passes that
         the picture lacks are left out.
+
+        The file holds the paths of volumes, meshes and sky relative to its own folder, or with `no_paths` none. A `PumiceWarning` says if
+        there is no file for one of them, such as an array that was never saved: the picture cannot be rendered again then.
         """
-        self._native.save(arguments.path("path", path), [passes] if isinstance(passes, str) else list(passes))
+        to = arguments.path("path", path)
+        self._native.save(to, [passes] if isinstance(passes, str) else list(passes), bool(no_paths))
+        warn_of_missing(to, os.getcwd(), self._native.paths())
 
 
 @checked

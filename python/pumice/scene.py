@@ -3,7 +3,8 @@
 from __future__ import annotations
 
 import json
-from collections.abc import Iterable
+import os
+from collections.abc import Iterable, Sequence
 from typing import Any, Self
 
 from . import _native, arguments
@@ -11,6 +12,8 @@ from .arguments import Path
 from .checked import checked
 from .errors import InputError
 from .labels import LabelFlags, LabelGroups, flags
+from .mesh import Mesh
+from .sources import warn_of_missing
 from .volume import Volume
 
 
@@ -49,9 +52,25 @@ class Scene:
         return cls(_native.Scene.load(arguments.path("path", path)))
 
     @checked
-    def save(self, path: Path) -> None:
-        """Writes a scene file, which appears complete or not at all."""
-        self._native.save(arguments.path("path", path))
+    def save(self, path: Path, *, meshes: Sequence[Mesh] = ()) -> None:
+        """Writes a scene file, which appears complete or not at all. A `PumiceWarning` says if files that it names are not there, such as
+        that of an array that was never saved: the file cannot be drawn then.
+
+        `meshes`: one for each of the scene's meshes, as for `render`; they are written beside the file as `NAME.mesh-ID.ply`, and the file
+        names these instead of what the scene names."""
+        to = arguments.path("path", path)
+        folder, name = os.path.split(os.path.abspath(to))
+        saved = self._native
+        if meshes:
+            fields = self.to_dict()
+            if len(meshes) != len(fields["meshes"]):
+                raise InputError(f"meshes: expected one for each of the scene's {len(fields['meshes'])} meshes, got {len(meshes)}")
+            for place, mesh in zip(fields["meshes"], meshes, strict=True):
+                place["source"] = os.path.join(folder, f"{os.path.splitext(name)[0]}.mesh-{place['id']}.ply")
+                mesh.save(place["source"])
+            saved = _native.Scene.parse(json.dumps(fields, allow_nan=False))
+        saved.save(to)
+        warn_of_missing(to, folder, saved.paths())
 
     def to_dict(self) -> dict[str, Any]:
         """A copy of the fields, with every default written out."""
@@ -84,7 +103,7 @@ class Scene:
 def figure(
     volume: Volume,
     *,
-    source: Path = "memory",
+    source: Path | None = None,
     size: tuple[int, int] = (960, 540),
     labels: Iterable[int] | None = None,
     pick: int | None = None,
@@ -93,7 +112,8 @@ def figure(
     """Composes a scene that shows a volume: places, frames and lights it, and gives labels colours that differ between neighbours.
 
     `labels` are the ids to show, or `pick` is the number of long labels to choose; without either all are shown. `view_deg` is the
-    direction of the camera: around the vertical axis and above the horizon. `source` is the volume's file in the scene.
+    direction of the camera: around the vertical axis and above the horizon. `source` is the volume's file in the scene; without it the file
+    that the volume was opened from or last saved to, with the keywords of `open`, or `memory` if there is none.
     """
     ids = None if labels is None else arguments.ids("labels", labels)
     if len(size) != 2 or len(view_deg) != 2:
@@ -101,5 +121,7 @@ def figure(
     pixels = [arguments.whole("size", n, 1, MOST_PIXELS) for n in size]
     if pick is not None:
         pick = arguments.whole("pick", pick, 1, arguments.MOST_32)
-    native = _native.figure(volume._native, arguments.path("source", source), (pixels[0], pixels[1]), ids, pick, view_deg)
-    return Scene(native)
+    known = volume._source if source is None else (arguments.path("source", source), None)
+    file, read_as = known or ("memory", None)
+    native = _native.figure(volume._native, file, (pixels[0], pixels[1]), ids, pick, view_deg)
+    return Scene(native if read_as is None else native.with_reading(read_as))

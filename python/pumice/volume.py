@@ -86,8 +86,10 @@ class LabelTable:
 class Volume:
     """An immutable label volume in its compressed form, which threads may share."""
 
-    def __init__(self, native: _native.Volume) -> None:
+    def __init__(self, native: _native.Volume, source: tuple[Path, arguments.ReadAs | None] | None = None) -> None:
         self._native = native
+        # The file that has these voxels, and how it is read; None for an array that was not saved.
+        self._source = source
         self._facts: dict[str, Any] = json.loads(native.facts())
         self._labels: LabelTable | None = None
         self._contacts: npt.NDArray[np.uint32] | None = None
@@ -181,7 +183,9 @@ class Volume:
     @checked
     def save(self, path: Path, *, level: Level = "default", job: Job | None = None) -> None:
         """Writes a `.pumice` file, which appears complete or not at all; level is fast, default or small."""
-        self._native.save(arguments.path("path", path), level, job)
+        to = arguments.path("path", path)
+        self._native.save(to, level, job)
+        self._source = (os.path.abspath(to), arguments.ReadAs())
 
     @checked
     def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:
@@ -327,9 +331,10 @@ def open(
     errors cause a `PumiceWarning`.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
-    native, odd = _native.open(arguments.path("path", path), labels=chosen, mapped=mapped, job=job, read_as=arguments.reading(reading))
+    read_as = arguments.reading(reading)
+    native, odd = _native.open(arguments.path("path", path), labels=chosen, mapped=mapped, job=job, read_as=read_as)
     _warn(odd)
-    return Volume(native)
+    return Volume(native, (os.path.abspath(path), read_as))
 
 
 @checked
@@ -399,7 +404,9 @@ def compress(
         job=job,
     )
     _warn([*told, *odd])
-    return Volume(native)
+    # What a table says of the labels is not in the file.
+    is_file = isinstance(described, str) and types is None and table is None
+    return Volume(native, (os.path.abspath(str(described)), read_as) if is_file else None)
 
 
 class _Blocks:

@@ -58,6 +58,10 @@ fn in_python(error: FormatError) -> FormatError {
             },
             choices,
         },
+        FormatError::NotApplicable { path, option, why } => {
+            let keyword = option.trim_start_matches("--").replacen("time-step", "time", 1);
+            FormatError::NotApplicable { path, option: keyword, why }
+        }
         other => other,
     }
 }

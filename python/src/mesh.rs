@@ -1,8 +1,10 @@
 //! Triangle meshes built from Python arrays.
 
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use pumice_core::MeshData;
+use pumice_formats::write_mesh;
 use pyo3::buffer::{Element, PyBuffer};
 use pyo3::prelude::*;
 
@@ -50,6 +52,11 @@ impl Mesh {
     /// Whether some triangle is shaded smooth.
     fn is_smooth(&self) -> bool {
         self.0.is_smooth()
+    }
+
+    /// Writes a PLY file, which appears complete or not at all.
+    fn save(&self, py: Python<'_>, path: PathBuf) -> PyResult<()> {
+        detached(py, || write_mesh(&path, &self.0))
     }
 
     /// Hash of all its numbers, 32 hexadecimal digits.

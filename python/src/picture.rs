@@ -8,7 +8,7 @@ use pumice_core::{CompressedVolume, MeshData};
 use pumice_picture::{Image, Matte, Passes, display_pixels, read_exr};
 use pumice_session::annotations::lay_out;
 use pumice_session::pick_pixels::{find_voxel, pick};
-use pumice_session::render_file::{PictureFormat, Rendered, render_scene, set_width};
+use pumice_session::render_file::{PictureFormat, PicturePaths, Rendered, render_scene, set_width};
 use pumice_session::{
     Annotations, CurvePoint, DEFAULT_DPI, OpenOptions, ScaleBar, SessionError, Stop, pixels_of_mm,
 };
@@ -19,7 +19,7 @@ use crate::array::{Array, Data};
 use crate::errors::input;
 use crate::job::{Job, job_of};
 use crate::mesh::Mesh;
-use crate::scene::Scene;
+use crate::scene::{Scene, paths_of};
 use crate::volume::Volume;
 use crate::waiting::{detached, released};
 
@@ -179,11 +179,19 @@ impl Picture {
         Ok(serde_json::json!({ "figures": figures, "explanation": self.0.explanation }).to_string())
     }
 
-    /// Writes an EXR or a PNG, which appears complete or not at all.
-    #[pyo3(signature = (path, passes))]
-    fn save(&self, py: Python<'_>, path: PathBuf, passes: Vec<String>) -> PyResult<()> {
+    /// Writes an EXR or a PNG, which appears complete or not at all; with `no_paths` it does not tell where its sources are.
+    #[pyo3(signature = (path, passes, no_paths))]
+    fn save(&self, py: Python<'_>, path: PathBuf, passes: Vec<String>, no_paths: bool) -> PyResult<()> {
         let passes = Passes::parse(&passes).map_err(|e| input(&e))?;
-        released(py, &Arc::default(), || PictureFormat::of(&path)?.write(&path, &self.0.picture, &passes))
+        let paths = if no_paths { PicturePaths::None } else { PicturePaths::Relative };
+        released(py, &Arc::default(), || {
+            PictureFormat::of(&path)?.write(&path, &self.0.picture, &passes, paths)
+        })
+    }
+
+    /// The files that the picture names, each with its field in the scene.
+    fn paths(&self) -> Vec<(String, PathBuf)> {
+        self.0.picture.provenance.as_ref().map(|made| paths_of(&made.scene)).unwrap_or_default()
     }
 }
 

@@ -5,12 +5,13 @@ use std::path::PathBuf;
 use pumice_scene::Scene as CoreScene;
 use pumice_scene::{SceneEdit, SceneError};
 use pumice_session::figure::{FigureOptions, compose};
+use pumice_session::reading::recorded;
 use pumice_session::selection::select_labels;
 use pyo3::prelude::*;
 
 use crate::errors::{IntoException, input};
 use crate::labels::{LabelGroups, Visible, show};
-use crate::volume::Volume;
+use crate::volume::{ReadAs, Volume, reading};
 use crate::waiting::detached;
 
 /// A validated scene.
@@ -47,6 +48,20 @@ impl Scene {
         self.0.instances.iter().map(|instance| instance.source.clone()).collect()
     }
 
+    /// All files that the scene names, each with its field.
+    fn paths(&self) -> Vec<(String, PathBuf)> {
+        paths_of(&self.0)
+    }
+
+    /// The scene with the file of its first instance read in this way.
+    fn with_reading(&self, read_as: ReadAs) -> PyResult<Self> {
+        let said = recorded(&reading(read_as)?);
+        let mut scene = self.0.clone();
+        scene.instances.iter_mut().take(1).for_each(|instance| instance.reading = said.clone());
+        scene.validate().map_err(IntoException::into_exception)?;
+        Ok(Self(scene))
+    }
+
     /// Pixels across and down.
     fn size(&self) -> (u32, u32) {
         (self.0.film.width, self.0.film.height)
@@ -71,6 +86,11 @@ impl Scene {
         scene.validate().map_err(IntoException::into_exception)?;
         Ok(Self(scene))
     }
+}
+
+/// All files that a scene names, each with its field.
+pub(crate) fn paths_of(scene: &CoreScene) -> Vec<(String, PathBuf)> {
+    scene.paths().into_iter().map(|(field, path)| (field, path.to_owned())).collect()
 }
 
 /// Edits that set which labels of an instance are drawn, and the groups of its labels.

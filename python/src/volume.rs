@@ -39,9 +39,10 @@ pub(crate) fn distinct_colors(py: Python<'_>, count: usize, color_blind_safe: bo
 }
 
 /// How to read a file: layer, time, channel, array, spacing and axes of `pumice_formats::OpenOptions`; a `pumice.arguments.ReadAs`.
-type ReadAs = (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>, Option<String>);
+pub(crate) type ReadAs =
+    (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>, Option<String>);
 
-fn reading((layer, time, channel, array, spacing, axes): ReadAs) -> PyResult<OpenOptions> {
+pub(crate) fn reading((layer, time, channel, array, spacing, axes): ReadAs) -> PyResult<OpenOptions> {
     let order = |name: String| {
         ArrayAxes::of_name(&name)
             .ok_or_else(|| input(&format_args!("axes: expected 'xyz' or 'zyx', got {name:?}")))
@@ -330,7 +331,7 @@ pub(crate) fn open(
     let residence = if mapped { Residence::Mapped } else { Residence::Copied };
     let volume = released(py, &job, || match &labels {
         None => pumice_session::open_volume(&path, &reading, residence, &job),
-        Some(ids) => pumice_session::open_labels(&path, ids, &job),
+        Some(ids) => pumice_session::open_labels(&path, ids, &reading, &job),
     })?;
     Ok((Volume(volume), reading.warnings.list()))
 }

@@ -188,12 +188,12 @@ fn mesh_diff(old: &Mesh, new: &Mesh) -> MeshDiff {
 
 fn instance_diff(old: &Instance, new: &Instance) -> InstanceDiff {
     // Taken apart by name, so that a new field cannot be forgotten here.
-    let Instance { id, source, world_from_index, style } = new;
+    let Instance { id, source, reading, world_from_index, style } = new;
     let LabelStyle { show, material, auto_color, groups, materials } = style;
     InstanceDiff {
         id: *id,
         moved: old.world_from_index != *world_from_index,
-        geometry: old.source != *source,
+        geometry: old.source != *source || old.reading != *reading,
         visibility: !old.style.show.same_labels(show),
         materials: old.style.material != *material
             || old.style.auto_color != *auto_color

@@ -79,7 +79,7 @@ impl Scene {
         Ok(write_text(path, &scene.to_json()?)?)
     }
 
-    /// The paths of all files that the scene names, each with the path of its field in the JSON form.
+    /// The paths of all files that the scene names, volumes, meshes, sky, each with the path of its field in the JSON form.
     pub fn paths(&self) -> Vec<(String, &Path)> {
         let sources = self.instances.iter().enumerate();
         let mut paths: Vec<_> =
@@ -92,7 +92,8 @@ impl Scene {
         paths
     }
 
-    fn paths_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
+    /// The paths of [`Scene::paths`] in the same order, to be changed.
+    pub fn paths_mut(&mut self) -> impl Iterator<Item = &mut PathBuf> {
         let sky = match &mut self.world.environment {
             Environment::Image { path, .. } => Some(path),
             Environment::Constant { .. } => None,

@@ -6,8 +6,8 @@ use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
 use crate::{
-    Camera, Cut, CutShape, Film, LabelGroups, LabelMaterials, Light, Material, Mesh, Settings, Show, Sun,
-    World,
+    Camera, Cut, CutShape, Film, LabelGroups, LabelMaterials, Light, Material, Mesh, Reading, Settings, Show,
+    Sun, World,
 };
 
 /// Version of the JSON form that this code writes and reads.
@@ -46,6 +46,9 @@ pub struct Instance {
     pub id: u32,
     /// A `.pumice` file or any label volume; relative paths are relative to the scene file.
     pub source: PathBuf,
+    /// How the source is read where the file alone does not decide it.
+    #[serde(default, skip_serializing_if = "Reading::is_empty")]
+    pub reading: Reading,
     /// Maps the volume's index space to the world. Mirrored and sheared matrices are allowed, singular ones are not.
     pub world_from_index: DAffine3,
     /// Which labels are drawn, and their materials.

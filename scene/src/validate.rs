@@ -9,7 +9,8 @@ use std::collections::BTreeSet;
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::{
-    Cut, CutShape, Environment, Film, Filter, Instance, Lod, Mesh, SCENE_VERSION, Scene, SceneError, Settings,
+    Cut, CutShape, Environment, Film, Filter, Instance, Lod, Mesh, Reading, SCENE_VERSION, Scene, SceneError,
+    Settings,
 };
 use camera::validate_camera;
 use light::{validate_light, validate_sun};
@@ -183,6 +184,7 @@ impl Scene {
 
 fn validate_instance(c: &mut Check, instance: &Instance) -> Checked {
     c.field("source", !instance.source.as_os_str().is_empty(), || "expected a file".into())?;
+    c.within("reading", |c| validate_reading(c, &instance.reading))?;
     c.matrix("world_from_index", &instance.world_from_index)?;
     c.within("style", |c| {
         c.within("material", |c| validate_material(c, &instance.style.material))?;
@@ -195,6 +197,17 @@ fn validate_instance(c: &mut Check, instance: &Instance) -> Checked {
             Some((id, material)) => c.within(format!("materials.{id}"), |c| validate_material(c, material)),
         }
     })
+}
+
+fn validate_reading(c: &Check, reading: &Reading) -> Checked {
+    for (axis, length) in reading.spacing.iter().flatten().enumerate() {
+        c.above(&format!("spacing[{axis}]"), *length, 0.0)?;
+    }
+    let raw_dims = reading.raw.iter().flat_map(|raw| raw.dims);
+    for (axis, voxels) in raw_dims.enumerate() {
+        c.field(&format!("raw.dims[{axis}]"), voxels > 0, || "expected at least 1, got 0".into())?;
+    }
+    Ok(())
 }
 
 fn validate_mesh(c: &mut Check, mesh: &Mesh) -> Checked {

@@ -103,7 +103,10 @@ fn each_edit_of_an_instance_sends_only_its_own_kind() {
     let none = || InstanceDiff { id: 8, ..InstanceDiff::default() };
     let cases: Vec<(InstanceDiff, Vec<Edit>)> = vec![
         (InstanceDiff { moved: true, ..none() }, vec![|i| i.world_from_index.translation.y = 0.0]),
-        (InstanceDiff { geometry: true, ..none() }, vec![|i| i.source = "other.pumice".into()]),
+        (
+            InstanceDiff { geometry: true, ..none() },
+            vec![|i| i.source = "other.pumice".into(), |i| i.reading.time = Some(9)],
+        ),
         (
             InstanceDiff { visibility: true, ..none() },
             vec![|i| i.style.show = Show::All, |i| i.style.show = Show::Only(vec![3, 17]), |i| {

@@ -140,6 +140,16 @@ fn matrices_that_cannot_be_inverted() {
 fn instances() {
     assert_eq!(fault(|s| s.instances[1].id = 7), "instances[1].id");
     assert_eq!(fault(|s| s.instances[0].source = "".into()), "instances[0].source");
+    assert_eq!(
+        fault(|s| s.instances[1].reading.spacing = Some([1.0, 0.0, 1.0])),
+        "instances[1].reading.spacing[1]"
+    );
+    assert_eq!(
+        fault(|s| s.instances[0].reading.spacing = Some([f64::NAN, 1.0, 1.0])),
+        "instances[0].reading.spacing[0]"
+    );
+    let no_voxels = |s: &mut Scene| s.instances[1].reading.raw.iter_mut().for_each(|raw| raw.dims[2] = 0);
+    assert_eq!(fault(no_voxels), "instances[1].reading.raw.dims[2]");
     good(|s| {
         s.instances.clear();
         s.cuts.clear();

@@ -77,6 +77,14 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
             "for blender: a .{ending} file is the same for every program"
         )));
     }
+    if request.merging == Merging::Plain
+        && request.forms.iter().all(|form| matches!(form, Form::Instances | Form::Smooth))
+    {
+        let forms = request.forms.iter().map(|form| form.name()).collect::<Vec<_>>().join(", ");
+        return Err(SessionError::Caller(format!(
+            "--plain: the form {forms} has no merged faces; boxes, cells4 and voxels have"
+        )));
+    }
     let overrides = RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() };
     let OpenedScene { scene, volumes, meshes } =
         open_scene(&request.input, &overrides, &request.reading, job)?;

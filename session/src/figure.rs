@@ -13,7 +13,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, WorldFrame};
 use pumice_picture::metrics::display::linear_from_srgb;
 use pumice_scene::{
-    Camera, Environment, Film, Filter, Instance, LabelGroups, LabelStyle, Material, Projection,
+    Camera, Environment, Film, Filter, Instance, LabelGroups, LabelStyle, Material, Projection, Reading,
     SCENE_VERSION, Scene, Settings, Show, Sun, World,
 };
 
@@ -103,6 +103,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
         instances: vec![Instance {
             id: 1,
             source,
+            reading: Reading::default(),
             world_from_index,
             style: LabelStyle {
                 show: match &chosen {

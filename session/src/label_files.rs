@@ -119,7 +119,7 @@ pub fn write_labels(request: &TableRequest, job: &Job) -> Result<TableOutcome> {
     let volume = open_volume(&request.input, &request.reading, Residence::Mapped, job)?;
     let mut rows = LabelRows::of(&volume);
     let chosen = rows.sorted(&query, "id")?;
-    let mut notes = Vec::new();
+    let mut notes = rows.lacked(&query);
     if format.needs_colors() {
         let filled = rows.fill_colors();
         if filled > 0 {

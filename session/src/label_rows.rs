@@ -152,6 +152,12 @@ impl<'a> LabelRows<'a> {
         Ok(rows)
     }
 
+    /// A line for each id that a query names and the volume lacks.
+    pub fn lacked(&self, query: &LabelQuery) -> Vec<String> {
+        let lacks = |id: &u64| self.ids().binary_search(id).is_err();
+        query.named_ids().filter(lacks).map(|id| format!("query: the volume has no label {id}")).collect()
+    }
+
     /// Gives each label without a colour one that differs from its neighbours', as pictures do; returns how many there are.
     pub fn fill_colors(&mut self) -> u64 {
         let labels = self.volume.labels();

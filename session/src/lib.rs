@@ -20,6 +20,7 @@ pub mod persistent_renderer;
 pub mod pick_pixels;
 pub mod plot;
 pub mod progressive;
+pub mod reading;
 pub mod render_file;
 pub mod savings;
 pub mod script;
@@ -49,12 +50,14 @@ pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
-pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout};
+pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout, Warnings};
 pub use pumice_picture::annotate::{Annotations, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
-pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
+pub use render_file::{
+    PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file,
+};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
 pub use threads::with_threads;

@@ -7,9 +7,10 @@ use std::sync::Arc;
 
 use pumice_core::{BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData, open_input};
 use pumice_formats::OpenOptions;
-use pumice_scene::{Scene, Show};
+use pumice_scene::{Instance, Reading, Scene, Show};
 
 use crate::error::{Result, SessionError, io};
+use crate::reading::options_for;
 
 /// Whether a file begins with the magic bytes of `.pumice` files.
 ///
@@ -31,19 +32,23 @@ pub fn is_pumice_file(path: &Path) -> Result<bool> {
     Ok(magic == pumice_core::file::MAGIC)
 }
 
-/// Whether a file that a caller wants to read is a `.pumice` file. Only others may leave the order of their axes to the caller.
+/// Whether a file that a caller wants to read is a `.pumice` file. Only others leave anything to the caller.
 ///
 /// # Errors
-/// When the file cannot be read or is an output of the caller, and for a `.pumice` file with an order of axes.
+/// When the file cannot be read or is an output of the caller, and for a `.pumice` file with any option.
 pub(crate) fn is_compressed(path: &Path, reading: &OpenOptions) -> Result<bool> {
     reading.outputs.check_input(path)?;
     let compressed = is_pumice_file(path)?;
-    match reading.axes {
-        Some(axes) if compressed => Err(SessionError::Caller(format!(
-            "{}: the order of axes {} cannot be chosen: a .pumice file says which axis is which",
-            path.display(),
-            axes.name()
-        ))),
+    match reading.given().first() {
+        Some(&option) if compressed => {
+            let named = reading.axes.map_or("", |axes| if option == "--axes" { axes.name() } else { "" });
+            Err(pumice_formats::FormatError::NotApplicable {
+                path: path.to_owned(),
+                option: format!("{option} {named}").trim_end().to_owned(),
+                why: "a .pumice file holds one volume, with its spacing, and says which axis is which".into(),
+            }
+            .into())
+        }
         _ => Ok(compressed),
     }
 }
@@ -78,8 +83,8 @@ pub fn open_volume(
     Ok(Arc::new(compress_source(source.as_mut(), &CompressOptions::default(), job)?))
 }
 
-/// Opens the volumes of a scene, in its order. Each file is opened once, and of a `.pumice` file only the labels that the scene shows
-/// are read, or those of `instead` if it is given.
+/// Opens the volumes of a scene, in its order, each as its instance says ([`options_for`]). A file that several instances read alike is
+/// opened once, and of a `.pumice` file only the labels that the scene shows are read, or those of `instead` if it is given.
 ///
 /// # Errors
 /// As [`open_volume`].
@@ -90,20 +95,22 @@ pub fn open_shown(
     residence: Residence,
     job: &Job,
 ) -> Result<Vec<Arc<CompressedVolume>>> {
-    let mut opened: BTreeMap<&Path, Arc<CompressedVolume>> = BTreeMap::new();
+    let mut opened: BTreeMap<&Path, Vec<(&Reading, Arc<CompressedVolume>)>> = BTreeMap::new();
     let mut volumes = Vec::with_capacity(scene.instances.len());
     for instance in &scene.instances {
         let path = instance.source.as_path();
-        let volume = match opened.get(path) {
-            Some(volume) => Arc::clone(volume),
+        let of_file = opened.entry(path).or_default();
+        let volume = match of_file.iter().find(|(read_as, _)| **read_as == instance.reading) {
+            Some((_, volume)) => Arc::clone(volume),
             None => {
-                let of_file = scene.instances.iter().filter(|i| i.source == path);
+                let alike = |i: &&Instance| i.source == path && i.reading == instance.reading;
                 let shows: Vec<&Show> = match instead {
                     Some(show) => vec![show],
-                    None => of_file.map(|i| &i.style.show).collect(),
+                    None => scene.instances.iter().filter(alike).map(|i| &i.style.show).collect(),
                 };
-                let volume = open_chosen(path, &shows, reading, residence, job)?;
-                opened.insert(path, Arc::clone(&volume));
+                let options = options_for(&instance.reading, reading);
+                let volume = open_chosen(path, &shows, &options, residence, job)?;
+                of_file.push((&instance.reading, Arc::clone(&volume)));
                 volume
             }
         };
@@ -141,7 +148,12 @@ pub fn open_chosen(
 ///
 /// # Errors
 /// As [`open_volume`]; also for an id that the volume does not have, and for other formats, which can only be read whole.
-pub fn open_labels(path: &Path, ids: &[u64], job: &Job) -> Result<Arc<CompressedVolume>> {
+pub fn open_labels(
+    path: &Path,
+    ids: &[u64],
+    reading: &OpenOptions,
+    job: &Job,
+) -> Result<Arc<CompressedVolume>> {
     if !is_pumice_file(path)? {
         let path = path.display();
         return Err(SessionError::Caller(format!(
@@ -149,7 +161,7 @@ pub fn open_labels(path: &Path, ids: &[u64], job: &Job) -> Result<Arc<Compressed
         )));
     }
     let show = Show::Only(ids.to_vec());
-    let volume = open_chosen(path, &[&show], &OpenOptions::default(), Residence::Copied, job)?;
+    let volume = open_chosen(path, &[&show], reading, Residence::Copied, job)?;
     show.resolve("labels", volume.labels().ids()).map_err(|e| SessionError::Caller(e.to_string()))?;
     Ok(volume)
 }

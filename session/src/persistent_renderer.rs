@@ -21,7 +21,7 @@ use crate::error::{Result, SessionError};
 use crate::live::{Frame, coarse_divisors, rebuilt_by_name, rows_from_bottom};
 use crate::measure::Stopwatch;
 use crate::progressive::{CurvePoint, Stop};
-use crate::render_file::{Rendered, check_memory, report, sampled};
+use crate::render_file::{Rendered, check_memory, report, sampled, sky_hash_text};
 
 /// Coarse frames take a third of the time of a sample. A picture of so many samples has all of them, at the cost of a hundredth…
 const SAMPLES_FOR_ALL_COARSE: u32 = 32;
@@ -131,6 +131,7 @@ impl PersistentRenderer {
 
         // Build what the scene needs and the last one had not.
         renderer.set_scene(scene)?;
+        let sky_hash = sky_hash_text(scene.scene())?;
         let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
 
         // Add samples, with a frame now and then.
@@ -163,7 +164,7 @@ impl PersistentRenderer {
             }
             sampling => sampling?,
         };
-        Ok(report(renderer, scene, prepare_seconds, curve, picture))
+        Ok(report(renderer, scene, prepare_seconds, curve, picture, sky_hash))
     }
 
     /// Publishes frames with fewer pixels than the film, finer each time, as long as they are worth it.

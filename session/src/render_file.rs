@@ -2,14 +2,16 @@
 //!
 //! ```text
 //! request ─► prepare: scene, volumes, meshes ─► overrides ─► render_scene: picture, figures ─► picture_format: a file
-//!                └─ an earlier picture: provenance
+//!                └─ an earlier picture: again, provenance
 //! ```
 
+mod again;
 pub(crate) mod open_scene;
 mod overrides;
 mod picture_format;
 mod prepare;
 mod provenance;
+mod refusals;
 mod render_scene;
 mod request;
 
@@ -25,6 +27,7 @@ use pumice_formats::OpenOptions;
 use pumice_picture::Passes;
 use pumice_scene::Show;
 use pumice_transport::LoadedScene;
+use refusals::check_options;
 
 use crate::annotations::lay_out;
 use crate::backend::make_renderer;
@@ -36,6 +39,8 @@ use crate::savings::{OpeningSaved, Savings, SavingsOptions, measure_opening, mea
 pub use overrides::set_width;
 pub use picture_format::PictureFormat;
 pub use provenance::hash_text;
+pub(crate) use provenance::sky_hash_text;
+pub use pumice_picture::PicturePaths;
 pub use render_scene::{RenderFigures, Rendered, render_scene};
 pub(crate) use render_scene::{bytes_of_film, check_memory, report, sampled};
 pub use request::{RenderOverrides, RenderRequest, Subject};
@@ -52,12 +57,7 @@ pub fn render_file(
     // A wrong file extension, pass or backend is reported before the work, not after it.
     let format = PictureFormat::of(&request.out)?;
     let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
-    if request.overrides.half && format == PictureFormat::Png {
-        let out = request.out.display();
-        return Err(SessionError::Caller(format!(
-            "--half: {out} has 8 bits a channel; half floats go into an .exr"
-        )));
-    }
+    check_options(request, format)?;
     check_folder(&request.out)?;
     std::iter::once(&request.out)
         .chain(&request.save_scene)
@@ -84,26 +84,30 @@ pub fn render_file(
         if request.explain {
             // Measure on the backend that drew the picture: `auto` may have fallen back to another.
             let drew = if backend == "auto" { rendered.figures.backend.clone() } else { backend.clone() };
-            let (opening, whole) = measure_openings(&scene, &request.reading, job)?;
+            let (opening, whole) = measure_openings(&scene, job)?;
             let measured = measure_savings(&whole, &drew, &SavingsOptions::QUICK, job, &mut |_| {})?;
             rendered.figures.savings = Some(Savings { opening, ..measured });
         }
         Ok(rendered)
     };
-    let rendered = match request.threads {
+    let mut rendered = match request.threads {
         None => render()?,
         Some(threads) => in_pool(threads, render)?,
     };
-    format.write(&request.out, &rendered.picture, &passes)?;
+    if let (Subject::Again(_), Some(whole)) = (&request.subject, stop.spp)
+        && rendered.figures.spp < whole
+    {
+        let spp = rendered.figures.spp;
+        rendered.figures.notices.push(format!(
+            "--time ended the picture at {spp} of {whole} samples a pixel: it is not the same picture"
+        ));
+    }
+    format.write(&request.out, &rendered.picture, &passes, request.paths)?;
     Ok(rendered)
 }
 
 /// Measures what reading only the visible labels saved; also returns the scene with volumes that have all labels.
-fn measure_openings(
-    loaded: &LoadedScene,
-    reading: &OpenOptions,
-    job: &Job,
-) -> Result<(Vec<OpeningSaved>, LoadedScene)> {
+fn measure_openings(loaded: &LoadedScene, job: &Job) -> Result<(Vec<OpeningSaved>, LoadedScene)> {
     let (scene, volumes) = (loaded.scene(), loaded.volumes());
     let mut saved = Vec::new();
     let mut whole: BTreeMap<&Path, Arc<CompressedVolume>> = BTreeMap::new();
@@ -114,7 +118,9 @@ fn measure_openings(
         }
         let of_file = scene.instances.iter().filter(|i| i.source == path);
         let shows: Vec<&Show> = of_file.map(|i| &i.style.show).collect();
-        let (one, volume) = measure_opening(path, &shows, reading, SavingsOptions::QUICK.rounds, job)?;
+        // Only `.pumice` files are read in part, and they leave no option to the caller.
+        let reading = OpenOptions::default();
+        let (one, volume) = measure_opening(path, &shows, &reading, SavingsOptions::QUICK.rounds, job)?;
         saved.push(one);
         whole.insert(path, volume);
     }

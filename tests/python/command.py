@@ -12,6 +12,9 @@ from dataclasses import dataclass
 # A limit against hangs: a command on the small volumes here takes a second or two, on a busy machine several times that.
 LIMIT_SECONDS = 120
 
+# How a line on standard error begins that a reader of volumes has something to say in.
+WARNING = "pumice: warning: "
+
 
 @dataclass
 class Done:
@@ -24,17 +27,30 @@ class Done:
         """Asserts the end by Ctrl-C: exit code 2 and one line with "cancelled"."""
         assert "cancelled" in self.refused(), self
 
+    @property
+    def warnings(self):
+        """What standard error says that a reader found odd, or assumed: its lines without `pumice: warning: `."""
+        lines = self.err.splitlines()
+        return [line.removeprefix(WARNING) for line in lines if line.startswith(WARNING)]
+
+    @property
+    def problems(self):
+        """All other lines of standard error."""
+        return [line for line in self.err.splitlines() if not line.startswith(WARNING)]
+
     def refused(self):
-        """Asserts the end by bad usage or bad input: exit code 2 and one line on standard error, no panic. Returns the line."""
+        """Asserts the end by bad usage or bad input: exit code 2 and, beside warnings, one line on standard error, no panic. Returns it."""
         assert "panicked" not in self.err, self
         assert self.code == 2, self
-        assert len(self.err.strip().splitlines()) == 1, self
-        assert self.err.startswith("pumice: ") and len(self.err) > len("pumice: x\n"), self
-        return self.err.strip()
+        assert len(self.problems) == 1, self
+        line = self.problems[0]
+        assert line.startswith("pumice: ") and len(line) > len("pumice: x"), self
+        return line.strip()
 
     def fine(self):
+        """Asserts the end without a failure; standard error may have warnings of readers. Returns what is on standard output."""
         assert self.code == 0, self
-        assert self.err == "", self
+        assert self.problems == [], self
         return self.out
 
 

@@ -143,7 +143,7 @@ def test_verify_says_no(pumice, tmp_path):
     for what, other in {"voxel": one_voxel, "id": one_id, "lost": lost, "found": found, "smaller": v[:, :, :-1]}.items():
         np.save(tmp_path / "b.npy", other)
         done = run(pumice, "verify", tmp_path / "a.pumice", tmp_path / "b.npy")
-        assert (done.code, done.err) == (1, ""), (what, done)
+        assert (done.code, done.problems) == (1, []), (what, done)
         assert len(done.out.strip()) > 0, what
 
 

@@ -18,7 +18,7 @@ use pumice_export::{ExportOptions, Form, Merging, Reader, VoxelRegion, export_sc
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh, Outline,
-    Projection, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, World,
+    Projection, Reading, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, World,
 };
 use pumice_transport::LoadedScene;
 
@@ -33,7 +33,13 @@ fn scene(style: LabelStyle, world_from_index: DAffine3) -> Scene {
     let sun = Sun { direction: [1.0, 2.0, -2.0], strength: 3.0, color: [1.0, 0.9, 0.5], angle_rad: 0.01 };
     Scene {
         version: SCENE_VERSION,
-        instances: vec![Instance { id: 7, source: "generated".into(), world_from_index, style }],
+        instances: vec![Instance {
+            id: 7,
+            source: "generated".into(),
+            reading: Reading::default(),
+            world_from_index,
+            style,
+        }],
         camera,
         film: Film::new(64, 48, Filter::Box { width: 1.0 }),
         world: World { environment: Environment::Constant { radiance: [1.0; 3] }, backdrop: None },

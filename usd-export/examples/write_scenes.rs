@@ -22,7 +22,7 @@ use pumice_export::{
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::{
     Aperture, Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh,
-    Outline, Projection, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, World,
+    Outline, Projection, Reading, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, World,
 };
 use pumice_transport::LoadedScene;
 
@@ -33,7 +33,13 @@ fn scene(style: LabelStyle, world_from_index: DAffine3) -> Scene {
     );
     Scene {
         version: SCENE_VERSION,
-        instances: vec![Instance { id: 7, source: "generated".into(), world_from_index, style }],
+        instances: vec![Instance {
+            id: 7,
+            source: "generated".into(),
+            reading: Reading::default(),
+            world_from_index,
+            style,
+        }],
         camera,
         film: Film::new(64, 48, Filter::Box { width: 1.0 }),
         world: World { environment: Environment::Constant { radiance: [1.0; 3] }, backdrop: None },

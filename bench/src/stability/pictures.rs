@@ -9,8 +9,8 @@ use pumice_core::{CompressedVolume, Job};
 use pumice_cpu::CpuRenderer;
 use pumice_picture::{Image, Picture};
 use pumice_scene::{
-    Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
-    Settings, World,
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, Reading, SCENE_VERSION,
+    Scene, Settings, World,
 };
 use pumice_session::FallbackRenderer;
 use pumice_session::backend::read_environment;
@@ -111,6 +111,7 @@ pub(super) fn from_above(material: Material, environment: Environment, at: [f64;
         instances: vec![Instance {
             id: 1,
             source: "memory".into(),
+            reading: Reading::default(),
             world_from_index: DAffine3::IDENTITY,
             style: LabelStyle { material, ..LabelStyle::default() },
         }],

@@ -23,8 +23,15 @@ pub(crate) struct Render {
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Render a picture again from the scene and settings that its file carries; gives the same pixels
-    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "time", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform", "noise_threshold", "min_spp"])]
+    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform", "noise_threshold", "min_spp"])]
     pub(crate) again: Option<PathBuf>,
+    /// With --again: a file to render from, in place of one that the picture names; once for each, first the volumes, then the meshes, then
+    /// the picture of the sky
+    #[arg(long, value_name = "FILE", conflicts_with = "input")]
+    pub(crate) source: Vec<PathBuf>,
+    /// Write no paths into the picture; --again then needs --source
+    #[arg(long)]
+    pub(crate) no_paths: bool,
     /// Backend that renders: auto, cpu, vulkan-rt, vulkan-query or vulkan-compute
     ///
     /// auto takes the best graphics processor; if a device fails, auto continues with the next backend and prints a notice. A named
@@ -38,7 +45,7 @@ pub(crate) struct Render {
     /// Stop at this many samples per pixel
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pub(crate) spp: Option<u32>,
-    /// Stop after this many seconds
+    /// Stop after this many seconds; with --again the picture may then have fewer samples than the one before, and a warning says so
     #[arg(long, value_name = "SECONDS", value_parser = positive)]
     pub(crate) time: Option<f64>,
     /// Stop when the estimated relative error is at most this: 0.03 or 3%
@@ -65,7 +72,7 @@ pub(crate) struct Render {
     /// Seed of all random numbers; default 0, or the scene's
     #[arg(long, value_name = "N")]
     pub(crate) seed: Option<u64>,
-    /// Passes in the EXR in addition to the picture, separated by commas; or all, or none
+    /// Passes in an EXR in addition to the picture, separated by commas; or all, or none
     ///
     /// First surface: depth, position, normal, label, albedo. Sampling: variance, samples. Light by kind, 132 bytes of memory per pixel:
     /// light for all of these, or diffuse_direct, diffuse_indirect, diffuse_color, the same three of glossy and transmission, emission,

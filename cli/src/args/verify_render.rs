@@ -48,7 +48,7 @@ pub(crate) struct VerifyRender {
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub(crate) memory_limit: Option<u64>,
     /// Show only these labels, by id, separated by commas
-    #[arg(long, value_name = "ID,ID", value_delimiter = ',')]
+    #[arg(long, value_name = "ID,ID", value_delimiter = ',', conflicts_with = "pick")]
     pub(crate) labels: Option<Vec<u64>>,
     /// Show this many labels, chosen for a figure; for volumes
     #[arg(long, value_name = "N")]

@@ -57,9 +57,6 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
             outcome.seconds,
             outcome.cpu_seconds,
         ))?;
-        for warning in &outcome.warnings {
-            say(format_args!("warning: {warning}"))?;
-        }
         if let Some(fit) = &outcome.table {
             say(format_args!(
                 "table: {} of {} labels have a row, {} columns of numbers",

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use pumice_session::{ExportRequest, ExportSize, Form, Job, Merging, Reader, export_file};
 
-use super::{open_options, say_warnings};
+use super::open_options;
 use crate::Answer;
 use crate::args::{Export, FormArg, ReaderArg};
 use crate::failure::{Failure, say, warn};
@@ -68,7 +68,6 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
             exported.seconds,
             exported.cpu_seconds
         ))?;
-        say_warnings(&request.reading)?;
     }
     if let Some(to) = &args.json {
         write_report(to, &exported)?;

@@ -68,9 +68,6 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
                     open.what, open.option, open.listed
                 ))?;
             }
-            for warning in &s.warnings {
-                say(format_args!("warning    {warning}"))?;
-            }
         }
     }
     Ok(Answer::Yes)

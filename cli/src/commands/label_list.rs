@@ -38,9 +38,8 @@ pub(crate) fn print(
     let volume = open_volume(path, reading, Residence::Mapped, job)?;
     let rows = LabelRows::of(&volume);
     drop(bar);
-    // Standard output has the labels alone, for programs that read it.
-    reading.warnings.list().iter().try_for_each(|warning| warn(format_args!("warning: {warning}")))?;
     let chosen = rows.sorted(&query, &list.sort)?;
+    rows.lacked(&query).iter().try_for_each(|line| warn(format_args!("warning: {line}")))?;
     if list.csv {
         return failure::print(rows.csv(path, &chosen)?.trim_end_matches('\n'));
     }

@@ -15,17 +15,13 @@ pub(crate) mod table;
 pub(crate) mod verify;
 pub(crate) mod verify_render;
 
-use pumice_session::{ArrayAxes, OpenOptions, RawLayout};
+use pumice_session::{ArrayAxes, OpenOptions, RawLayout, Warnings};
 
 use crate::args::{Axes, Reading};
-use crate::failure::{Failure, say};
+use crate::failure::warn_at_work;
 
-/// Prints what the reader found odd, or assumed, a line each.
-fn say_warnings(reading: &OpenOptions) -> Result<(), Failure> {
-    reading.warnings.list().iter().try_for_each(|warning| say(format_args!("warning: {warning}")))
-}
-
-/// Converts the flags on reading to the options that the readers of `pumice-formats` take.
+/// Converts the flags on reading to the options that the readers of `pumice-formats` take. What a reader finds odd, or assumes, is printed to
+/// standard error as soon as it is known.
 fn open_options(reading: &Reading) -> OpenOptions {
     OpenOptions {
         layer: reading.layer,
@@ -46,6 +42,6 @@ fn open_options(reading: &Reading) -> OpenOptions {
             }),
             _ => None,
         },
-        ..OpenOptions::default()
+        warnings: Warnings::told_to(|line| warn_at_work(format_args!("warning: {line}"))),
     }
 }

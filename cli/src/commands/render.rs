@@ -3,10 +3,11 @@
 use std::sync::Arc;
 
 use pumice_session::{
-    CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop, Subject, render_file,
+    CurvePoint, Job, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop, Subject,
+    render_file,
 };
 
-use super::{open_options, say_warnings};
+use super::open_options;
 use crate::Answer;
 use crate::args::{LodArg, Render, RenderMode, ViewArg};
 use crate::failure::{self, Failure, say};
@@ -65,6 +66,8 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         },
         annotations: args.annotate.annotations(),
         reading: open_options(&args.reading),
+        sources: args.source.clone(),
+        paths: if args.no_paths { PicturePaths::None } else { PicturePaths::Relative },
         threads: args.threads.map(usize::from),
         save_scene: args.save_scene.clone(),
         explain: args.explain,
@@ -84,7 +87,6 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         let figures = &rendered.figures;
         say(format_args!("{}: {}, by {}", args.out.display(), summary(figures), figures.backend))?;
-        say_warnings(&request.reading)?;
     }
     if args.explain {
         let measured = rendered.figures.savings.iter().flat_map(Savings::lines);

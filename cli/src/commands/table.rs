@@ -26,9 +26,6 @@ pub(crate) fn run(args: &Table, job: &Arc<Job>) -> Result<Answer, Failure> {
         return Ok(Answer::Yes);
     }
     say(format_args!("{}: {} labels, format {}", args.out.display(), written.labels, written.format))?;
-    for warning in &written.warnings {
-        say(format_args!("warning: {warning}"))?;
-    }
     for note in &written.notes {
         say(format_args!("note: {note}"))?;
     }

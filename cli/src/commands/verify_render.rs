@@ -7,7 +7,7 @@ use pumice_session::render_file::RenderOverrides;
 use pumice_session::verify_render::{Verdict, VerifiedRender};
 use pumice_session::{DetailLevel, Job, VerifyRenderRequest, verify_render};
 
-use super::{open_options, say_warnings};
+use super::open_options;
 use crate::Answer;
 use crate::args::VerifyRender;
 use crate::failure::{Failure, say};
@@ -49,7 +49,6 @@ pub(crate) fn run(args: &VerifyRender, job: &Arc<Job>) -> Result<Answer, Failure
     let verified = verified?;
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         say_result(&verified)?;
-        say_warnings(&request.reading)?;
     }
     if let Some(to) = &args.json {
         write_report(to, &verified)?;

@@ -9,7 +9,7 @@ use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, MeshData, Volum
 use pumice_picture::{Image, Picture};
 use pumice_scene::{
     Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh, Mode,
-    Projection, SCENE_VERSION, Scene, Settings, Sun, World,
+    Projection, Reading, SCENE_VERSION, Scene, Settings, Sun, World,
 };
 use pumice_transport::{LoadedScene, Renderer};
 
@@ -91,6 +91,7 @@ fn scene_of(blocks: &[Block], as_mesh: AsMesh) -> (Scene, Vec<Arc<CompressedVolu
             scene.instances.push(Instance {
                 id,
                 source: "memory".into(),
+                reading: Reading::default(),
                 world_from_index: block.world_from_unit,
                 style: LabelStyle { material: block.material, ..LabelStyle::default() },
             });
@@ -237,6 +238,7 @@ fn a_lamp_inside_of_a_label_lights_a_mesh_that_is_inside_too() {
     scene.instances = vec![Instance {
         id: 9,
         source: "memory".into(),
+        reading: Reading::default(),
         world_from_index: at([0.5; 3], 0.0, [-10.0, -10.0, -10.0]),
         style: LabelStyle { material: lambert([0.0; 3]), ..LabelStyle::default() },
     }];

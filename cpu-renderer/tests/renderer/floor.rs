@@ -5,8 +5,8 @@ use std::sync::Arc;
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_scene::{
-    Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION, Scene,
-    Settings, Sun, World,
+    Camera, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, Reading, SCENE_VERSION,
+    Scene, Settings, Sun, World,
 };
 
 /// A slab of label 5 with a tower of label 9 on it: 16 × 16 × 8 voxels, floor up to z = 2, tower 4 × 4 voxels to z = 8.
@@ -31,6 +31,7 @@ pub(crate) fn looking_down(environment: Environment, suns: Vec<Sun>, material: M
         instances: vec![Instance {
             id: 1,
             source: "memory".into(),
+            reading: Reading::default(),
             world_from_index: DAffine3::IDENTITY,
             style: LabelStyle { material: lambert, ..LabelStyle::default() },
         }],

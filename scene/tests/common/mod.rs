@@ -2,9 +2,9 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_scene::{
-    Adaptive, Aperture, Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelGroup, LabelGroups,
-    LabelStyle, Light, LightShape, Lod, Material, Mesh, Mode, Outline, Passes, Projection, SCENE_VERSION,
-    Scene, SensorFit, Settings, Show, Sun, ViewTransform, World,
+    Adaptive, Aperture, AxisOrder, Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelGroup,
+    LabelGroups, LabelStyle, Light, LightShape, Lod, Material, Mesh, Mode, Outline, Passes, Projection,
+    RawVoxels, Reading, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, ViewTransform, World,
 };
 
 pub(crate) fn full_scene() -> Scene {
@@ -32,6 +32,20 @@ pub(crate) fn full_scene() -> Scene {
     let instance = |id: u32, x: f64| Instance {
         id,
         source: format!("volume-{id}.pumice").into(),
+        reading: Reading {
+            layer: Some(1),
+            time: Some(2),
+            channel: Some(3),
+            array: Some("cells".into()),
+            axes: Some(AxisOrder::Zyx),
+            spacing: Some([4.0, 5.0, 0.1]),
+            raw: Some(RawVoxels {
+                dims: [9, 8, 7],
+                label_type: pumice_core::LabelType::U16,
+                big_endian: true,
+                offset: 352,
+            }),
+        },
         world_from_index: DAffine3::from_mat3_translation(
             DMat3::from_diagonal(DVec3::new(-0.5, 0.25, 2.0)),
             DVec3::new(x, 2.0, 3.0),

@@ -12,6 +12,7 @@ use super::request::RenderOverrides;
 use crate::error::{Result, SessionError, io};
 use crate::figure::{FigureOptions, compose};
 use crate::open::{Residence, open_chosen, open_meshes, open_shown};
+use crate::reading::record;
 use crate::selection::select_labels;
 
 /// A scene with its volumes and meshes open.
@@ -39,10 +40,13 @@ pub(crate) fn open_scene(
     let instead = overrides.labels.clone().map(Show::Only);
     let (mut scene, volumes, meshes) = if is_scene_file(path) {
         reading.outputs.check_input(path)?;
-        let scene = Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
+        refuse_for_scene(path, overrides)?;
+        let mut scene =
+            Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
         check_files(&scene, reading)?;
         let volumes = open_shown(&scene, instead.as_ref(), reading, Residence::Mapped, job)?;
         let meshes = open_meshes(&scene)?;
+        record(&mut scene, reading);
         (scene, volumes, meshes)
     } else {
         // `pick` chooses by the shape of labels and compares all of them, so all are read.
@@ -57,7 +61,9 @@ pub(crate) fn open_scene(
             view_deg: overrides.view_deg.unwrap_or(FigureOptions::DEFAULT_VIEW_DEG),
         };
         let absolute = path.canonicalize().map_err(io(path))?;
-        (compose(&volume, absolute, &options), vec![volume], Vec::new())
+        let mut scene = compose(&volume, absolute, &options);
+        record(&mut scene, reading);
+        (scene, vec![volume], Vec::new())
     };
     apply(overrides, &mut scene, &volumes)?;
     scene.validate().map_err(|source| SessionError::Scene { path: path.into(), source })?;
@@ -67,6 +73,18 @@ pub(crate) fn open_scene(
 /// Checks that no file that a scene names is written.
 pub(super) fn check_files(scene: &Scene, reading: &OpenOptions) -> Result<()> {
     Ok(scene.paths().into_iter().try_for_each(|(_, path)| reading.outputs.check_input(path))?)
+}
+
+/// Refuses what composes the scene of a volume, for a file that is a scene already.
+fn refuse_for_scene(path: &Path, overrides: &RenderOverrides) -> Result<()> {
+    let (option, why) = match overrides {
+        RenderOverrides { pick: Some(_), .. } => {
+            ("--pick", "says itself which labels it shows; --labels shows others")
+        }
+        RenderOverrides { view_deg: Some(_), .. } => ("--view", "has a camera of its own"),
+        _ => return Ok(()),
+    };
+    Err(SessionError::Caller(format!("{option}: {} is a scene, which {why}", path.display())))
 }
 
 fn dense_labels(volume: &CompressedVolume, ids: &[u64]) -> Result<Vec<u32>> {

@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pumice_core::CompressedVolume;
-use pumice_scene::{Adaptive, Film, Scene, Show};
+use pumice_scene::{Adaptive, Film, Mode, Scene, Show};
 
 use super::request::RenderOverrides;
 use crate::error::{Result, SessionError};
@@ -34,6 +34,10 @@ pub(super) fn apply(
     }
     if let Some(mode) = wishes.mode {
         scene.settings.mode = mode;
+    }
+    if wishes.bounces.is_some() && scene.settings.mode != Mode::Path {
+        let what = "--bounces: only the mode path has bounces; one-bounce and ao have none";
+        return Err(SessionError::Caller(what.into()));
     }
     if let Some(lod) = wishes.lod {
         scene.settings.lod = lod;

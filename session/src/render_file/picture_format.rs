@@ -2,7 +2,7 @@
 
 use std::path::Path;
 
-use pumice_picture::{Passes, Picture, write_exr, write_exr_half, write_png_shown};
+use pumice_picture::{Passes, Picture, PicturePaths, write_exr_as, write_png_as};
 
 use crate::error::{Result, SessionError};
 
@@ -32,16 +32,19 @@ impl PictureFormat {
         }
     }
 
-    /// Writes a picture with the options of its scene's film: half floats, view transform.
+    /// Writes a picture with the options of its scene's film: half floats, view transform. `paths` says what the file tells of where its
+    /// sources are.
     ///
     /// # Errors
     /// When the file cannot be written; the name is then unchanged.
-    pub fn write(self, path: &Path, picture: &Picture, passes: &Passes) -> Result<()> {
+    pub fn write(self, path: &Path, picture: &Picture, passes: &Passes, paths: PicturePaths) -> Result<()> {
         let film = picture.provenance.as_ref().map(|p| p.scene.film);
         match self {
-            Self::Exr if film.is_some_and(|f| f.half) => write_exr_half(path, picture, passes)?,
-            Self::Exr => write_exr(path, picture, passes)?,
-            Self::Png => write_png_shown(path, picture, film.map(|f| f.view_transform).unwrap_or_default())?,
+            Self::Exr => write_exr_as(path, picture, passes, film.is_some_and(|f| f.half), paths)?,
+            Self::Png => {
+                let view = film.map(|f| f.view_transform).unwrap_or_default();
+                write_png_as(path, picture, view, paths)?;
+            }
         }
         Ok(())
     }

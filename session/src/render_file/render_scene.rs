@@ -9,7 +9,7 @@ use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
-use super::provenance::{hash_text, mesh_hash_text};
+use super::provenance::{hash_text, mesh_hash_text, sky_hash_text};
 use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::Result;
 use crate::measure::{Stopwatch, peak_rss_bytes};
@@ -23,7 +23,8 @@ pub struct RenderFigures {
     pub backend: String,
     /// Name of the device that drew it.
     pub device: String,
-    /// Device failures after which rendering continued, and what is drawn otherwise than wished, one line each.
+    /// Device failures after which rendering continued, what is drawn otherwise than wished, and why an earlier picture is not finished, one
+    /// line each.
     pub notices: Vec<String>,
     /// Wall seconds of rendering.
     pub seconds: f64,
@@ -111,12 +112,13 @@ pub fn render_scene(
     let mut renderer = make_renderer(backend)?;
     check_memory(&renderer, loaded)?;
     renderer.set_scene(loaded)?;
+    let sky_hash = sky_hash_text(loaded.scene())?;
     let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
     let (curve, picture) = sampled(&mut renderer, stop, job, &mut |_, point| {
         watch(point);
         Ok(())
     })?;
-    Ok(report(&mut renderer, loaded, prepare_seconds, curve, picture))
+    Ok(report(&mut renderer, loaded, prepare_seconds, curve, picture, sky_hash))
 }
 
 /// Checks that there is memory for a scene's film and picture, before anything is built for them. A film that the renderer has already may
@@ -155,13 +157,14 @@ pub(crate) fn sampled(
     }
 }
 
-/// A picture with its provenance, and what it took.
+/// A picture with its provenance, and what it took. `sky_hash` is that of [`sky_hash_text`] when the scene was set.
 pub(crate) fn report(
     renderer: &mut FallbackRenderer,
     loaded: &LoadedScene,
     prepare_seconds: [f64; 2],
     curve: Vec<CurvePoint>,
     mut picture: Picture,
+    sky_hash: Option<String>,
 ) -> Rendered {
     let notices = renderer.notices();
     let bytes: BTreeMap<_, _> = renderer.bytes().into_iter().collect();
@@ -182,6 +185,7 @@ pub(crate) fn report(
         scene: scene.clone(),
         volume_hashes: volumes.iter().map(|v| hash_text(v)).collect(),
         mesh_hashes: meshes.iter().map(|m| mesh_hash_text(m)).collect(),
+        sky_hash,
         spp: last.spp,
         error_estimate: last.error_estimate,
         annotations: Annotations::default(),

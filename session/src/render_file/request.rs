@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use pumice_formats::OpenOptions;
-use pumice_picture::Annotations;
+use pumice_picture::{Annotations, PicturePaths};
 use pumice_scene::{Lod, Mode, ViewTransform};
 
 use crate::progressive::Stop;
@@ -13,7 +13,7 @@ use crate::progressive::Stop;
 pub enum Subject {
     /// A `.pumice` file, any label volume, or a scene (`.json`).
     File(PathBuf),
-    /// An earlier picture, rendered again from the scene that it carries, with as many samples, whatever the limits.
+    /// An earlier picture, rendered again from the scene that it carries, with as many samples; of the limits only the seconds count.
     Again(PathBuf),
 }
 
@@ -67,8 +67,13 @@ pub struct RenderRequest {
     pub overrides: RenderOverrides,
     /// What is drawn over the picture; an earlier picture has its own.
     pub annotations: Annotations,
-    /// How to read a volume.
+    /// How to read volumes; takes precedence over what the scene says of it.
     pub reading: OpenOptions,
+    /// Files to render an earlier picture from, in place of those that it names, in the order of [`pumice_scene::Scene::paths`]; none for
+    /// those that it names.
+    pub sources: Vec<PathBuf>,
+    /// What the picture tells of where its files are.
+    pub paths: PicturePaths,
     /// Threads; `None` takes all cores.
     pub threads: Option<usize>,
     /// Where to write the scene, if anywhere.

@@ -82,6 +82,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("picture/src/exr_header.rs", FILE_FORMAT),
     ("picture/src/exr_read.rs", FILE_FORMAT),
     ("picture/src/png_file.rs", FILE_FORMAT),
+    ("picture/src/provenance_paths.rs", FILE_FORMAT),
     ("picture/src/provenance_text.rs", FILE_FORMAT),
     ("picture/src/radiance_file.rs", FILE_FORMAT),
     ("picture/src/sample_pictures.rs", "pictures for tests of files"),

@@ -1,0 +1,67 @@
+//! How the file of a volume is read where the file alone does not decide it.
+//!
+//! A scene that draws one time step of a file, or an array whose axes are z, y, x, draws other voxels when it is opened without these
+//! choices. So they are part of the instance, beside its `source`, and are left out of the JSON form where nothing was chosen.
+
+use pumice_core::LabelType;
+use serde::{Deserialize, Serialize};
+
+/// The choices with which the source of an instance is read; each is `None` where the file decides.
+#[derive(Clone, Debug, Default, PartialEq, Serialize, Deserialize)]
+#[serde(default, deny_unknown_fields)]
+pub struct Reading {
+    /// Layer of a file with overlapping segments, counted from 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub layer: Option<u32>,
+    /// Time step, counted from 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time: Option<u32>,
+    /// Channel, counted from 0.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub channel: Option<u32>,
+    /// Name of an array in an `.npz` archive.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub array: Option<String>,
+    /// Meaning of the axes of a NumPy array.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub axes: Option<AxisOrder>,
+    /// Lengths of a voxel along x, y, z in the file's unit, in place of those that the file states.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub spacing: Option<[f64; 3]>,
+    /// Layout of a file without a header.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub raw: Option<RawVoxels>,
+}
+
+impl Reading {
+    /// Whether nothing is chosen.
+    pub fn is_empty(&self) -> bool {
+        *self == Self::default()
+    }
+}
+
+/// Meaning of the axes of a NumPy array, in the order of its indices.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AxisOrder {
+    /// `a[x, y, z]`.
+    Xyz,
+    /// `a[z, y, x]`.
+    Zyx,
+}
+
+/// Layout of voxels without a header, x fastest.
+#[derive(Clone, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(deny_unknown_fields)]
+pub struct RawVoxels {
+    /// Voxels along x, y, z.
+    pub dims: [u64; 3],
+    /// Number type of the labels.
+    pub label_type: LabelType,
+    /// Whether the most significant byte comes first.
+    #[serde(default)]
+    pub big_endian: bool,
+    /// Bytes before the first voxel.
+    #[serde(default)]
+    pub offset: u64,
+}

@@ -1,0 +1,98 @@
+//! How the volumes of a scene are read: what the scene's instances say, completed or replaced by what the caller says.
+//!
+//! ```text
+//! instance.reading ─┐
+//!                   ├─► OpenOptions, field by field the caller's first ─► the reader
+//! the caller's ─────┘        └─► instance.reading of the scene that is drawn, saved, and held by its picture
+//! ```
+//! `pumice_scene::Reading` is the JSON form, `pumice_formats::OpenOptions` what the readers take.
+
+use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
+use pumice_scene::{AxisOrder, RawVoxels, Reading, Scene};
+
+/// The options with which the source of an instance is opened: the caller's where it gives any, otherwise those of `instance`.
+pub fn options_for(instance: &Reading, caller: &OpenOptions) -> OpenOptions {
+    OpenOptions {
+        layer: caller.layer.or(instance.layer),
+        time: caller.time.or(instance.time),
+        channel: caller.channel.or(instance.channel),
+        array: caller.array.clone().or_else(|| instance.array.clone()),
+        spacing: caller.spacing.or(instance.spacing),
+        raw: caller.raw.clone().or_else(|| instance.raw.as_ref().map(layout_of)),
+        axes: caller.axes.or(instance.axes.map(|axes| match axes {
+            AxisOrder::Xyz => ArrayAxes::Xyz,
+            AxisOrder::Zyx => ArrayAxes::Zyx,
+        })),
+        warnings: caller.warnings.clone(),
+    }
+}
+
+fn layout_of(raw: &RawVoxels) -> RawLayout {
+    let &RawVoxels { dims, label_type, big_endian, offset } = raw;
+    RawLayout { dims, label_type, big_endian, offset }
+}
+
+/// What a scene records of the options with which a volume is opened.
+pub fn recorded(options: &OpenOptions) -> Reading {
+    // Taken apart by name, so that a new option cannot be forgotten here.
+    let OpenOptions { layer, time, channel, array, spacing, raw, axes, warnings: _ } = options;
+    Reading {
+        layer: *layer,
+        time: *time,
+        channel: *channel,
+        array: array.clone(),
+        axes: axes.map(|axes| match axes {
+            ArrayAxes::Xyz => AxisOrder::Xyz,
+            ArrayAxes::Zyx => AxisOrder::Zyx,
+        }),
+        spacing: *spacing,
+        raw: raw.as_ref().map(|raw| {
+            let &RawLayout { dims, label_type, big_endian, offset } = raw;
+            RawVoxels { dims, label_type, big_endian, offset }
+        }),
+    }
+}
+
+/// Gives each instance the options with which its source was opened, so that the scene alone says them.
+pub fn record(scene: &mut Scene, caller: &OpenOptions) {
+    for instance in &mut scene.instances {
+        instance.reading = recorded(&options_for(&instance.reading, caller));
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    fn all() -> OpenOptions {
+        OpenOptions {
+            layer: Some(1),
+            time: Some(2),
+            channel: Some(3),
+            array: Some("cells".into()),
+            spacing: Some([4.0, 5.0, 6.0]),
+            raw: Some(RawLayout {
+                dims: [7, 8, 9],
+                label_type: pumice_core::LabelType::I16,
+                big_endian: true,
+                offset: 10,
+            }),
+            axes: Some(ArrayAxes::Zyx),
+            ..OpenOptions::default()
+        }
+    }
+
+    /// Every option is a field of its own: what is recorded names all of them again, and the caller's single option replaces only its own.
+    #[test]
+    fn every_option_comes_back_and_the_callers_come_first() {
+        let said = recorded(&all());
+        let back = options_for(&said, &OpenOptions::default());
+        assert_eq!(back.given(), all().given());
+        assert_eq!(recorded(&back), said);
+        let other = OpenOptions { time: Some(0), axes: Some(ArrayAxes::Xyz), ..OpenOptions::default() };
+        let expected = Reading { time: Some(0), axes: Some(AxisOrder::Xyz), ..said.clone() };
+        assert_eq!(recorded(&options_for(&said, &other)), expected);
+        assert_ne!(expected, said);
+        assert!(recorded(&OpenOptions::default()).is_empty());
+    }
+}
