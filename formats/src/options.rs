@@ -31,7 +31,7 @@ impl OpenOptions {
     /// The options of the command that the caller has given, such as `--layer`.
     pub fn given(&self) -> Vec<&'static str> {
         // Taken apart by name, so that a new field cannot be forgotten here.
-        let Self { layer, time, channel, array, spacing, raw, axes, warnings: _ } = self;
+        let Self { layer, time, channel, array, spacing, raw, axes, warnings: _, outputs: _ } = self;
         let all = [
             ("--layer", layer.is_some()),
             ("--time-step", time.is_some()),

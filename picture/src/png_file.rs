@@ -107,7 +107,12 @@ fn density(picture: &Picture) -> Option<png::PixelDimensions> {
     Some(png::PixelDimensions { xppu, yppu, unit: png::Unit::Meter })
 }
 
-fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> Result<(), Failure> {
+fn write_to(
+    writer: &mut impl Write,
+    picture: &Picture,
+    provenance: Option<&Provenance>,
+    view: ViewTransform,
+) -> Result<(), Failure> {
     let color = &picture.color;
     check_size(color.width, color.height)?;
     let bytes = pixels_of(picture, view)?;
