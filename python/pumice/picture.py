@@ -139,11 +139,11 @@ class Picture:
     def pick(self, x: int, y: int, *, volume: Volume | None = None) -> PickedPixel:
         """What lies under the middle of a pixel, counted from the upper left. With the `volume` that is seen there, also the voxel that was
         hit; None at coarser levels of detail where no voxel of the label is at the surface."""
-        limits = {"x": self.color.shape[1], "y": self.color.shape[0]}
-        pixel = [arguments.whole(name, value, 0, limits[name] - 1) for name, value in (("x", x), ("y", y))]
-        told = json.loads(self._native.pick(*pixel, None if volume is None else volume._native))
-        fields = {field.name: told[field.name] for field in dataclasses.fields(PickedPixel)}
-        return PickedPixel(**{name: tuple(value) if isinstance(value, list) else value for name, value in fields.items()})
+        height, width = self.color.shape[:2]
+        column, row = arguments.whole("x", x, 0, width - 1), arguments.whole("y", y, 0, height - 1)
+        told = json.loads(self._native.pick(column, row, None if volume is None else volume._native))
+        position, voxel = (None if told[name] is None else tuple(told[name]) for name in ("position", "voxel"))
+        return PickedPixel(told["instance"], told["label"], told["name"], told["type"], position, told["depth"], voxel)
 
     @checked
     def srgb(self, view_transform: str | None = None) -> npt.NDArray[np.uint8]:
