@@ -103,7 +103,8 @@ def test_importing_and_deleting_again_and_again_takes_the_memory_of_one_volume(r
     print(f"grown by {grown}, a volume has {size}")
     # Allocators keep some free pages: those of at most one volume. Six that were kept would be six times that.
     assert grown < size, (grown, size)
+    # Pages that earlier tests have freed are filled first, as many as they were.
     kept = []
-    for _ in range(6):
+    while rss() - start <= size and len(kept) < 60:
         cycle(kept)
     assert rss() - start > size, "negative control: volumes that something holds stay in memory"

@@ -17,8 +17,8 @@ use pumice_cpu::traverse::{MeshTracer, SceneTracer, TracedInstance, VolumeTracer
 use pumice_cpu::{CpuRenderer, Surroundings};
 use pumice_picture::Image;
 use pumice_scene::{
-    Camera, CutShape, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, SCENE_VERSION,
-    Scene, Settings, Show, World,
+    Camera, CutShape, Environment, Film, Filter, Instance, LabelStyle, Material, Projection, Reading,
+    SCENE_VERSION, Scene, Settings, Show, World,
 };
 use pumice_transport::geometry::{Contacts, LodChoice, Placement};
 use pumice_transport::sampler::PixelSampler;
@@ -331,6 +331,7 @@ fn packed_scene(split: &[&[u64]]) -> LoadedScene {
     let instances = (1u32..).zip(split).map(|(id, labels)| Instance {
         id,
         source: "memory".into(),
+        reading: Reading::default(),
         world_from_index: DAffine3::IDENTITY,
         style: LabelStyle { show: Show::Only(labels.to_vec()), ..style.clone() },
     });

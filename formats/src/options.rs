@@ -158,6 +158,7 @@ mod tests {
             raw: Some(raw),
             axes: Some(ArrayAxes::Xyz),
             warnings: Warnings::default(),
+            outputs: Outputs::default(),
         };
         let options = ["--layer", "--time-step", "--channel", "--array", "--spacing", "--axes", "--raw-dims"];
         assert_eq!(all.given(), options);

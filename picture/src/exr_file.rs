@@ -422,6 +422,7 @@ mod tests {
             label: picture.label,
             instance: picture.instance,
             labels: picture.labels,
+            dpi: picture.dpi,
             alpha: picture.alpha,
             provenance: picture.provenance,
             mattes: Vec::new(),

@@ -24,6 +24,7 @@ pub fn options_for(instance: &Reading, caller: &OpenOptions) -> OpenOptions {
             AxisOrder::Zyx => ArrayAxes::Zyx,
         })),
         warnings: caller.warnings.clone(),
+        outputs: caller.outputs.clone(),
     }
 }
 
@@ -35,7 +36,7 @@ fn layout_of(raw: &RawVoxels) -> RawLayout {
 /// What a scene records of the options with which a volume is opened.
 pub fn recorded(options: &OpenOptions) -> Reading {
     // Taken apart by name, so that a new option cannot be forgotten here.
-    let OpenOptions { layer, time, channel, array, spacing, raw, axes, warnings: _ } = options;
+    let OpenOptions { layer, time, channel, array, spacing, raw, axes, warnings: _, outputs: _ } = options;
     Reading {
         layer: *layer,
         time: *time,

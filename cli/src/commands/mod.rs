@@ -15,6 +15,7 @@ pub(crate) mod table;
 pub(crate) mod verify;
 pub(crate) mod verify_render;
 
+use pumice_core::Outputs;
 use pumice_session::{ArrayAxes, OpenOptions, RawLayout, Warnings};
 
 use crate::args::{Axes, Reading};
@@ -43,5 +44,6 @@ fn open_options(reading: &Reading) -> OpenOptions {
             _ => None,
         },
         warnings: Warnings::told_to(|line| warn_at_work(format_args!("warning: {line}"))),
+        outputs: Outputs::default(),
     }
 }

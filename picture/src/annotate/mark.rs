@@ -85,10 +85,10 @@ pub(crate) fn over_display(marks: &[Mark], bytes: &mut [u8], width: usize, chann
             let pixel = &mut bytes[i * channels..][..channels];
             let above = f64::from(coverage);
             let below = (1.0 - above) * pixel.get(3).map_or(1.0, |a| f64::from(*a) / 255.0);
-            for c in 0..3 {
-                let behind = linear_from_srgb(f64::from(pixel[c]) / 255.0);
-                let mixed = (f64::from(mark.color[c]) * above + behind * below) / (above + below);
-                pixel[c] = (srgb_from_linear(mixed.clamp(0.0, 1.0)) * 255.0).round() as u8;
+            for (channel, &of_mark) in pixel.iter_mut().zip(&mark.color) {
+                let behind = linear_from_srgb(f64::from(*channel) / 255.0);
+                let mixed = (f64::from(of_mark) * above + behind * below) / (above + below);
+                *channel = (srgb_from_linear(mixed.clamp(0.0, 1.0)) * 255.0).round() as u8;
             }
             if let Some(alpha) = pixel.get_mut(3) {
                 *alpha = ((above + below) * 255.0).round() as u8;

@@ -58,10 +58,12 @@ pub struct ScaleBar {
     pub plane: Option<BarPlane>,
 }
 
-const UNITS: [(&str, Unit); 5] = [
+/// Names of units; a micrometre's is written with the sign µ or the Greek letter μ. The metre comes last, since others end with its name.
+const UNITS: [(&str, Unit); 6] = [
     ("nm", Unit::Nanometre),
     ("um", Unit::Micrometre),
     ("µm", Unit::Micrometre),
+    ("μm", Unit::Micrometre),
     ("mm", Unit::Millimetre),
     ("m", Unit::Metre),
 ];
@@ -91,10 +93,6 @@ impl FromStr for ScaleBar {
         }
         let unit = UNITS.iter().find_map(|(name, unit)| Some((length.strip_suffix(name)?, *unit)));
         let length = match unit {
-            // The Greek letter µ that some keyboards have.
-            None if length.ends_with("μm") => {
-                BarLength::Given(number(length.trim_end_matches("μm").trim())?, Some(Unit::Micrometre))
-            }
             None => BarLength::Given(number(length)?, None),
             Some((digits, unit)) => BarLength::Given(number(digits.trim())?, Some(unit)),
         };
