@@ -233,12 +233,13 @@ class Picture:
         """
         Normal of the first surface.
         """
-    def pick(self, /, x: SupportsIndex, y: SupportsIndex, volume: Volume | None) -> str:
-        """
-        What lies under a pixel, as JSON text; its voxel with the volume that is seen there.
     def paths(self, /) -> list[tuple[str, Path]]:
         """
         The files that the picture names, each with its field in the scene.
+        """
+    def pick(self, /, x: SupportsIndex, y: SupportsIndex, volume: Volume | None) -> str:
+        """
+        What lies under a pixel, as JSON text; its voxel with the volume that is seen there.
         """
     def position(self, /) -> Array | None:
         """
