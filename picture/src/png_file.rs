@@ -2,7 +2,8 @@
 //!
 //! The scene-linear colour is clamped to [0, 1] (NaN becomes 0), encoded with the exact sRGB curve or another
 //! [view transform](crate::view_transform), and rounded to the nearest of 256 values. The picture of a transparent film has alpha as a
-//! fourth channel; its premultiplied colour is divided by alpha, because PNG is not premultiplied (ISO/IEC 15948 §6.2). The chunk `sRGB`
+//! fourth channel; its premultiplied colour is divided by alpha, because PNG is not premultiplied (ISO/IEC 15948 §6.2). With a background
+//! it is laid over that colour instead: after the view transform, so that white paper is white in every view. The chunk `sRGB`
 //! marks the encoding, and an `iTXt` chunk with the keyword `pumice` holds the provenance as JSON.
 
 use std::io::{BufRead, Seek, Write};
@@ -22,15 +23,23 @@ use crate::{Picture, PictureError, Provenance, ViewTransform};
 /// # Errors
 /// [`PictureError::Io`] for an error of the system, [`PictureError::File`] when the picture is empty or too large.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PictureError> {
-    write_png_shown(path, picture, ViewTransform::Standard)
+    write_png_shown(path, picture, ViewTransform::Standard, None)
 }
 
-/// As [`write_png`], with another view transform.
+/// As [`write_png`], with another view transform. A picture with alpha is laid over `background`, if there is one: a display colour, sRGB-encoded,
+/// each channel from 0 to 1.
 ///
 /// # Errors
 /// As [`write_png`].
-pub fn write_png_shown(path: &Path, picture: &Picture, view: ViewTransform) -> Result<(), PictureError> {
-    write_atomically(path, |file| write_to(file, picture, view).map_err(|failure| failure.at(path)))
+pub fn write_png_shown(
+    path: &Path,
+    picture: &Picture,
+    view: ViewTransform,
+    background: Option<[f32; 3]>,
+) -> Result<(), PictureError> {
+    write_atomically(path, |file| {
+        write_to(file, picture, view, background).map_err(|failure| failure.at(path))
+    })
 }
 
 /// The bytes of the PNG file of a picture.
@@ -39,11 +48,16 @@ pub fn write_png_shown(path: &Path, picture: &Picture, view: ViewTransform) -> R
 /// As [`write_png`], without a file's name.
 pub fn png_bytes(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, PictureError> {
     let mut bytes = Vec::new();
-    write_to(&mut bytes, picture, view).map_err(|failure| failure.at(Path::new("a PNG in memory")))?;
+    write_to(&mut bytes, picture, view, None).map_err(|failure| failure.at(Path::new("a PNG in memory")))?;
     Ok(bytes)
 }
 
-fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> Result<(), Failure> {
+fn write_to(
+    writer: &mut impl Write,
+    picture: &Picture,
+    view: ViewTransform,
+    background: Option<[f32; 3]>,
+) -> Result<(), Failure> {
     let color = &picture.color;
     check_size(color.width, color.height)?;
     let bytes: Vec<u8> = match &picture.alpha {
@@ -56,17 +70,26 @@ fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> 
             )));
         }
         Some(alpha) => {
-            let pixel = |(pixel, &a): (&[f32; 3], &f32)| {
-                let [r, g, b] = encoded(view, pixel.map(|c| if a > 0.0 { c / a } else { 0.0 }));
-                [r, g, b, (f64::from(a).clamp(0.0, 1.0) * 255.0).round() as u8]
-            };
-            color.pixels.par_iter().zip(alpha).flat_map_iter(pixel).collect()
+            let straight = |pixel: &[f32; 3], a: f32| pixel.map(|c| if a > 0.0 { c / a } else { 0.0 });
+            let pixels = color.pixels.par_iter().zip(alpha);
+            match background {
+                None => pixels
+                    .flat_map_iter(|(pixel, &a)| {
+                        let [r, g, b] = encoded(view, straight(pixel, a));
+                        [r, g, b, (f64::from(a).clamp(0.0, 1.0) * 255.0).round() as u8]
+                    })
+                    .collect(),
+                Some(behind) => pixels
+                    .flat_map_iter(|(pixel, &a)| laid_over(behind, shown(view, straight(pixel, a)), a))
+                    .collect(),
+            }
         }
     };
 
     // `check_size` has checked that both sides fit.
     let mut encoder = png::Encoder::new(&mut *writer, color.width as u32, color.height as u32);
-    encoder.set_color(if picture.alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
+    let has_alpha = picture.alpha.is_some() && background.is_none();
+    encoder.set_color(if has_alpha { png::ColorType::Rgba } else { png::ColorType::Rgb });
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
     if let Some(provenance) = &picture.provenance {
@@ -81,6 +104,12 @@ fn write_to(writer: &mut impl Write, picture: &Picture, view: ViewTransform) -> 
 /// The 8-bit display values of a linear colour, each rounded to the nearest of 256.
 fn encoded(view: ViewTransform, linear: [f32; 3]) -> [u8; 3] {
     shown(view, linear).map(|c| (c * 255.0).round() as u8)
+}
+
+/// The 8-bit values of a display colour over another one.
+fn laid_over(behind: [f32; 3], front: [f64; 3], alpha: f32) -> [u8; 3] {
+    let a = f64::from(alpha).clamp(0.0, 1.0);
+    [0, 1, 2].map(|c| ((front[c] * a + f64::from(behind[c]) * (1.0 - a)) * 255.0).round() as u8)
 }
 
 /// Reads only the provenance; `None` if the file has none.
@@ -157,6 +186,20 @@ mod tests {
         let (_, _, bytes, _) = decoded(&path, png::ColorType::Rgba);
         assert_eq!(bytes[..8], [0, 118, 188, 255, 255, 255, 255, 128], "divided by alpha");
         assert_eq!(bytes[16..20], [0, 0, 0, 0], "nothing where nothing is");
+        // Over a background: white where nothing is, the mean of both at half, whatever the view.
+        picture.alpha = Some(vec![1.0, 0.5, 0.0, 1.0, 0.0, 1.0]);
+        for view in [ViewTransform::Standard, ViewTransform::Filmic, ViewTransform::Agx] {
+            write_png_shown(&path, &picture, view, Some([1.0, 1.0, 0.2])).unwrap();
+            let (_, _, bytes, _) = decoded(&path, png::ColorType::Rgb);
+            assert_eq!(
+                (&bytes[6..9], &bytes[12..15]),
+                (&[255, 255, 51][..], &[255, 255, 51][..]),
+                "{view:?}"
+            );
+            let bright = encoded(view, [2.0, 2.0002, f32::INFINITY]).map(f64::from);
+            let half = [0, 1, 2].map(|c| ((bright[c] + [255.0, 255.0, 51.0][c]) / 2.0) as u8);
+            assert!((0..3).all(|c| bytes[3 + c].abs_diff(half[c]) <= 1), "{view:?}: {half:?}, {bytes:?}");
+        }
         picture.alpha = None;
         write_png(&path, &picture).unwrap();
         let (width, height, bytes, intent) = decoded(&path, png::ColorType::Rgb);
@@ -181,12 +224,12 @@ mod tests {
     fn a_full_disk_is_an_io_error() {
         let picture = sample_pictures::picture(30, 30);
         let mut whole = Vec::new();
-        write_to(&mut whole, &picture, ViewTransform::Standard).unwrap();
+        write_to(&mut whole, &picture, ViewTransform::Standard, None).unwrap();
         for room in [0, 8, 60, whole.len() - 1] {
             // A cursor over a slice writes 0 bytes where the slice ends, which `write_all` reports.
             let mut disk = vec![0; room];
-            let error =
-                write_to(&mut Cursor::new(&mut disk[..]), &picture, ViewTransform::Standard).unwrap_err();
+            let error = write_to(&mut Cursor::new(&mut disk[..]), &picture, ViewTransform::Standard, None)
+                .unwrap_err();
             assert!(matches!(error, Failure::Io(_)), "{room} bytes: {error:?}");
         }
     }

@@ -32,7 +32,7 @@ impl PictureFormat {
         }
     }
 
-    /// Writes a picture with the options of its scene's film: half floats, view transform.
+    /// Writes a picture with the options of its scene's film: half floats, view transform, background.
     ///
     /// # Errors
     /// When the file cannot be written; the name is then unchanged.
@@ -41,7 +41,10 @@ impl PictureFormat {
         match self {
             Self::Exr if film.is_some_and(|f| f.half) => write_exr_half(path, picture, passes)?,
             Self::Exr => write_exr(path, picture, passes)?,
-            Self::Png => write_png_shown(path, picture, film.map(|f| f.view_transform).unwrap_or_default())?,
+            Self::Png => {
+                let view = film.map(|f| f.view_transform).unwrap_or_default();
+                write_png_shown(path, picture, view, film.and_then(|f| f.background))?;
+            }
         }
         Ok(())
     }
