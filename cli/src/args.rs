@@ -7,6 +7,7 @@ mod decompress;
 mod demo;
 mod devices;
 mod export;
+mod figure;
 mod info;
 mod reading;
 mod render;

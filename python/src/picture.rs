@@ -7,7 +7,7 @@ use std::sync::{Arc, Mutex, PoisonError};
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_picture::{Image, Matte, Passes};
 use pumice_session::render_file::{PictureFormat, Rendered, render_scene};
-use pumice_session::{CurvePoint, OpenOptions, SessionError, Stop};
+use pumice_session::{CurvePoint, OpenOptions, SessionError, Stop, with_built_in};
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
@@ -154,6 +154,7 @@ pub(crate) fn render(
                 &job,
             )?,
         };
+        let meshes = with_built_in(&scene, meshes)?;
         let scene = LoadedScene::new(scene, volumes, meshes)?;
         render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))
     });

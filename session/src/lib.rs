@@ -38,7 +38,9 @@ pub use label_files::{
 pub use label_rows::LabelRows;
 pub use live::{Frame, LabelFilm, Live, LiveOptions, LiveState, Status};
 pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
-pub use open::{Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume};
+pub use open::{
+    Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume, with_built_in,
+};
 pub use persistent_renderer::{PersistentRenderer, Watching};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
@@ -47,7 +49,10 @@ pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
-pub use render_file::{RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file};
+pub use render_file::{
+    RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, TurntablePicture, render_file,
+    render_turntable,
+};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
 pub use verify_render::{VerifiedRender, VerifyMaps, VerifyProgress, VerifyRenderRequest, verify_render};

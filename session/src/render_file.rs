@@ -12,6 +12,7 @@ mod prepare;
 mod provenance;
 mod render_scene;
 mod request;
+mod turntable;
 
 use std::collections::BTreeMap;
 use std::path::Path;
@@ -37,6 +38,48 @@ pub use provenance::hash_text;
 pub use render_scene::{RenderFigures, Rendered, render_scene};
 pub(crate) use render_scene::{report, sampled};
 pub use request::{RenderOverrides, RenderRequest, Subject};
+pub use turntable::{TurntablePicture, render_turntable};
+
+/// What a request means, checked and opened.
+struct Ready {
+    format: PictureFormat,
+    passes: Passes,
+    scene: LoadedScene,
+    stop: Stop,
+    backend: String,
+    opening_seconds: [f64; 2],
+}
+
+impl Ready {
+    /// Checks a request, opens what it needs, and writes the scene where that is wanted.
+    fn new(request: &RenderRequest, job: &Job) -> Result<Self> {
+        // A wrong file extension, pass or backend is reported before the work, not after it.
+        let format = PictureFormat::of(&request.out)?;
+        let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
+        if request.overrides.half && format == PictureFormat::Png {
+            let out = request.out.display();
+            return Err(SessionError::Caller(format!(
+                "--half: {out} has 8 bits a channel; half floats go into an .exr"
+            )));
+        }
+        check_folder(&request.out)?;
+        make_renderer(&request.backend)?;
+
+        let clock = Stopwatch::start();
+        let Prepared { opened: OpenedScene { mut scene, volumes, meshes }, stop, backend } =
+            prepare(request, job)?;
+        let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
+        // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
+        if request.passes != ["all"] {
+            scene.film.passes = scene.film.passes.or(passes);
+        }
+        if let Some(path) = &request.save_scene {
+            scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
+        }
+        let scene = LoadedScene::new(scene, volumes, meshes)?;
+        Ok(Self { format, passes, scene, stop, backend, opening_seconds })
+    }
+}
 
 /// Carries out `request`. After every slice it calls `watch` with the limits in force and the progress.
 ///
@@ -47,31 +90,8 @@ pub fn render_file(
     job: &Job,
     watch: &mut (dyn FnMut(&Stop, &CurvePoint) + Send),
 ) -> Result<Rendered> {
-    // A wrong file extension, pass or backend is reported before the work, not after it.
-    let format = PictureFormat::of(&request.out)?;
-    let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
-    if request.overrides.half && format == PictureFormat::Png {
-        let out = request.out.display();
-        return Err(SessionError::Caller(format!(
-            "--half: {out} has 8 bits a channel; half floats go into an .exr"
-        )));
-    }
-    check_folder(&request.out)?;
-    make_renderer(&request.backend)?;
-
-    let clock = Stopwatch::start();
-    let Prepared { opened: OpenedScene { mut scene, volumes, meshes }, stop, backend } =
-        prepare(request, job)?;
-    let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
-    // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
-    if request.passes != ["all"] {
-        scene.film.passes = scene.film.passes.or(passes);
-    }
-    if let Some(path) = &request.save_scene {
-        scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
-    }
-    let scene = LoadedScene::new(scene, volumes, meshes)?;
-    let mut render = || -> Result<Rendered> {
+    let Ready { format, passes, scene, stop, backend, opening_seconds } = Ready::new(request, job)?;
+    let rendered = in_pool(request.threads, || -> Result<Rendered> {
         let mut rendered = render_scene(&scene, &backend, &stop, job, &mut |point| watch(&stop, point))?;
         rendered.figures.opening_seconds = Some(opening_seconds);
         if request.explain {
@@ -82,11 +102,7 @@ pub fn render_file(
             rendered.figures.savings = Some(Savings { opening, ..measured });
         }
         Ok(rendered)
-    };
-    let rendered = match request.threads {
-        None => render()?,
-        Some(threads) => in_pool(threads, render)?,
-    };
+    })?;
     format.write(&request.out, &rendered.picture, &passes)?;
     Ok(rendered)
 }
@@ -120,8 +136,9 @@ fn measure_openings(
     Ok((saved, all_labels))
 }
 
-/// Runs `work` in a pool of `threads` threads.
-fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+/// Runs `work` in a pool of `threads` threads; without a number, in that of the process.
+fn in_pool<T: Send>(threads: Option<usize>, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    let Some(threads) = threads else { return work() };
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()

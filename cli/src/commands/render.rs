@@ -1,9 +1,11 @@
 //! `pumice render`
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_session::{
-    CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop, Subject, render_file,
+    CurvePoint, Job, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop, Subject, TurntablePicture,
+    render_file, render_turntable,
 };
 
 use super::{open_options, say_warnings};
@@ -49,8 +51,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
                 LodArg::Auto => pumice_session::Lod::Distance { pixels: 1.0 },
             }),
             seed: args.seed,
-            labels: args.labels.clone(),
-            pick: args.pick,
+            labels: args.figure.ids(),
             transparent: args.transparent,
             half: args.half,
             view_transform: args.view_transform.map(|v| match v {
@@ -60,7 +61,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
             }),
             noise_threshold: args.noise_threshold.map(|t| t as f32),
             min_spp: args.min_spp,
-            view_deg: args.view,
+            figure: args.figure.flags(),
         },
         reading: open_options(&args.reading),
         threads: args.threads.map(usize::from),
@@ -68,6 +69,9 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         explain: args.explain,
     };
 
+    if args.figure.turntable().is_some() {
+        return run_turntable(args, &request, job);
+    }
     let mut opening = Some(Bar::follow("opening", job));
     let mut tracing = None;
     let rendered = render_file(&request, job, &mut |stop, point| {
@@ -93,6 +97,38 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         write_report(to, &rendered.figures)?;
     }
     Ok(Answer::Yes)
+}
+
+/// Renders the pictures of a turntable.
+fn run_turntable(args: &Render, request: &RenderRequest, job: &Arc<Job>) -> Result<Answer, Failure> {
+    let mut opening = Some(Bar::follow("opening", job));
+    let mut tracing = None;
+    let pictures = render_turntable(request, job, &mut |number, stop, point| {
+        opening = None;
+        let (of_picture, bar) = tracing.get_or_insert_with(|| (number, turntable_bar(number)));
+        if *of_picture != number {
+            (*of_picture, *bar) = (number, turntable_bar(number));
+        }
+        show_progress(bar, stop, point);
+    });
+    drop((opening, tracing));
+    let pictures = pictures?;
+    pictures.iter().for_each(|picture| warn(&picture.figures));
+
+    if args.json.as_deref() != Some(std::path::Path::new("-")) {
+        for TurntablePicture { picture, figures } in &pictures {
+            say(format_args!("{}: {}, by {}", picture.display(), summary(figures), figures.backend))?;
+        }
+        say_warnings(&request.reading)?;
+    }
+    if let Some(to) = &args.json {
+        write_report(to, &BTreeMap::from([("pictures", &pictures)]))?;
+    }
+    Ok(Answer::Yes)
+}
+
+fn turntable_bar(number: u32) -> Bar {
+    Bar::manual(format!("picture {}", number + 1))
 }
 
 /// Sets the bar to the progress of the picture towards the limit that it is nearest to.
