@@ -119,7 +119,7 @@ pub fn measure_backend(
 ) -> Result<BackendSpeed> {
     let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
     let labels = (labels > 0).then(|| select_labels(&volume, labels));
-    let options = FigureOptions { size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let options = FigureOptions { size, labels, ..FigureOptions::default() };
     let scene = compose(&volume, path.to_owned(), &options);
     let mut renderer = make_renderer(backend)?;
 

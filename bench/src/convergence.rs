@@ -205,7 +205,7 @@ pub fn measure_convergence(
 /// A figure of the longest labels, with materials on which both programs agree.
 fn scene_of(volume: &CompressedVolume, options: &ConvergenceOptions) -> Scene {
     let labels = Some(select_labels(volume, options.pick));
-    let figure = FigureOptions { size: options.size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let figure = FigureOptions { size: options.size, labels, ..FigureOptions::default() };
     let mut scene = compose(volume, options.volume.clone(), &figure);
     scene.world.backdrop = None;
     scene.settings.bounces = options.bounces;

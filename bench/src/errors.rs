@@ -92,7 +92,7 @@ pub fn measure_errors(
 ) -> Result<Vec<PictureError>> {
     let volume = open_volume(path, &OpenOptions::default(), Residence::Mapped, job)?;
     let labels = Some(select_labels(&volume, LABELS));
-    let options = FigureOptions { size: SIZE, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let options = FigureOptions { size: SIZE, labels, ..FigureOptions::default() };
     let mut scene = compose(&volume, path.to_owned(), &options);
     let mut render = |backend: &str, spp: u32, seed: u64| -> Result<Rendered> {
         scene.settings.seed = seed;

@@ -199,7 +199,7 @@ fn groups(ids: &[u64], shade: f32) -> Result<LabelGroups> {
 /// A figure of the longest labels, or of all labels in one group.
 fn scene_of(volume: &CompressedVolume, path: &Path, labels: Labels) -> Result<Scene> {
     let chosen = (labels == Labels::Some).then(|| select_labels(volume, SOME));
-    let options = FigureOptions { size: SIZE, labels: chosen, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let options = FigureOptions { size: SIZE, labels: chosen, ..FigureOptions::default() };
     let mut scene = compose(volume, path.to_owned(), &options);
     if labels == Labels::All {
         let style = &mut scene.instances[0].style;

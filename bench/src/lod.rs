@@ -135,8 +135,7 @@ fn opened(path: &Path, job: &Job) -> Result<Arc<CompressedVolume>> {
 fn measured(path: &Path, size: [u32; 2], options: &LodOptions, job: &Job) -> Result<LodTable> {
     let volume = opened(path, job)?;
     let labels = select_labels(&volume, options.pick);
-    let figure =
-        FigureOptions { size, labels: Some(labels.clone()), view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let figure = FigureOptions { size, labels: Some(labels.clone()), ..FigureOptions::default() };
     let mut scene = compose(&volume, options.volume.clone(), &figure);
     // Without a backdrop, pixels that show no label are equal at all levels and add no error.
     scene.world.backdrop = None;

@@ -98,7 +98,7 @@ fn openings(
 /// A figure that needs none of the parts that a renderer can leave out.
 fn minimal(volume: &CompressedVolume, labels: Option<Vec<u32>>, side: u32) -> Scene {
     let size = [side, (side * 9).div_ceil(16)];
-    let options = FigureOptions { size, labels, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let options = FigureOptions { size, labels, ..FigureOptions::default() };
     let mut scene = compose(volume, "volume".into(), &options);
     scene.suns.clear();
     scene.world = World { environment: Environment::Constant { radiance: [1.0; 3] }, backdrop: None };

@@ -8,6 +8,7 @@ mod decompress;
 mod demo;
 mod devices;
 mod export;
+mod figure;
 mod info;
 mod pick;
 mod reading;

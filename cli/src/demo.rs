@@ -105,11 +105,7 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
     let scene = compose(
         &volume,
         stored.canonicalize().unwrap_or(stored.clone()),
-        &FigureOptions {
-            size: options.size,
-            labels: Some(labels),
-            view_deg: FigureOptions::DEFAULT_VIEW_DEG,
-        },
+        &FigureOptions { size: options.size, labels: Some(labels), ..FigureOptions::default() },
     );
 
     // Path trace.

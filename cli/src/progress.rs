@@ -1,5 +1,6 @@
 //! Progress bars on standard error, shown only where it is a terminal.
 
+use std::borrow::Cow;
 use std::io::IsTerminal;
 use std::sync::atomic::{AtomicBool, Ordering};
 use std::sync::{Arc, Mutex, PoisonError};
@@ -55,13 +56,13 @@ impl Bar {
     }
 
     /// A bar whose owner sets its position (in thousandths) and its text with [`Bar::set`].
-    pub(crate) fn manual(what: &'static str) -> Self {
+    pub(crate) fn manual(what: impl Into<Cow<'static, str>>) -> Self {
         let bar = Self::empty(what, "{msg:11} {bar:36} {prefix}");
         bar.set_length(1000);
         Self { bar, stop: Arc::default(), follower: None }
     }
 
-    fn empty(what: &'static str, template: &str) -> ProgressBar {
+    fn empty(what: impl Into<Cow<'static, str>>, template: &str) -> ProgressBar {
         let target = if std::io::stderr().is_terminal() {
             ProgressDrawTarget::stderr()
         } else {

@@ -2,8 +2,10 @@
 //!
 //! The scene-linear colour is clamped to [0, 1] (NaN becomes 0), encoded with the exact sRGB curve or another
 //! [view transform](crate::view_transform), and rounded to the nearest of 256 values. The picture of a transparent film has alpha as a
-//! fourth channel; its premultiplied colour is divided by alpha, because PNG is not premultiplied (ISO/IEC 15948 §6.2). The chunk `sRGB`
-//! marks the encoding, `pHYs` the density on paper where it is known, and an `iTXt` chunk with the keyword `pumice` holds the provenance as JSON.
+//! fourth channel; its premultiplied colour is divided by alpha, because PNG is not premultiplied (ISO/IEC 15948 §6.2). With a background
+//! it is laid over that colour instead: after the view transform, so that white paper is white in every view. The chunk `sRGB`
+//! marks the encoding, `pHYs` the density on paper where it is known, and an `iTXt` chunk with the keyword `pumice` holds the provenance as
+//! JSON.
 
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
@@ -30,15 +32,21 @@ const METERS_PER_INCH: f64 = 0.0254;
 /// # Errors
 /// [`PictureError::Io`] for an error of the system, [`PictureError::File`] when the picture is empty or too large.
 pub fn write_png(path: &Path, picture: &Picture) -> Result<(), PictureError> {
-    write_png_shown(path, picture, ViewTransform::Standard)
+    write_png_shown(path, picture, ViewTransform::Standard, None)
 }
 
-/// As [`write_png`], with another view transform.
+/// As [`write_png`], with another view transform. A picture with alpha is laid over `background`, if there is one: a display colour, sRGB-encoded,
+/// each channel from 0 to 1.
 ///
 /// # Errors
 /// As [`write_png`].
-pub fn write_png_shown(path: &Path, picture: &Picture, view: ViewTransform) -> Result<(), PictureError> {
-    write_png_as(path, picture, view, PicturePaths::Relative)
+pub fn write_png_shown(
+    path: &Path,
+    picture: &Picture,
+    view: ViewTransform,
+    background: Option<[f32; 3]>,
+) -> Result<(), PictureError> {
+    write_png_as(path, picture, view, background, PicturePaths::Relative)
 }
 
 /// As [`write_png_shown`]; `paths` says what the file tells of where its sources are.
@@ -49,11 +57,12 @@ pub fn write_png_as(
     path: &Path,
     picture: &Picture,
     view: ViewTransform,
+    background: Option<[f32; 3]>,
     paths: PicturePaths,
 ) -> Result<(), PictureError> {
     let made = picture.provenance.as_ref().map(|made| for_file(made, path, paths));
     write_atomically(path, |file| {
-        write_to(file, picture, made.as_ref(), view).map_err(|failure| failure.at(path))
+        write_to(file, picture, made.as_ref(), view, background).map_err(|failure| failure.at(path))
     })
 }
 
@@ -64,19 +73,34 @@ pub fn write_png_as(
 pub fn png_bytes(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, PictureError> {
     let mut bytes = Vec::new();
     let made = picture.provenance.as_ref();
-    write_to(&mut bytes, picture, made, view).map_err(|failure| failure.at(Path::new("a PNG in memory")))?;
+    write_to(&mut bytes, picture, made, view, None)
+        .map_err(|failure| failure.at(Path::new("a PNG in memory")))?;
     Ok(bytes)
 }
 
-/// The display values of a picture as its PNG file has them: three or, of a transparent film, four bytes a pixel, row by row from the top.
+/// The display values of a picture as its PNG file has them, row by row from the top: three bytes a pixel, or four of a transparent film that
+/// is laid over no `background`.
 ///
 /// # Errors
 /// As [`write_png`], without a file's name.
-pub fn display_pixels(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, PictureError> {
-    pixels_of(picture, view).map_err(|failure| failure.at(Path::new("a picture in memory")))
+pub fn display_pixels(
+    picture: &Picture,
+    view: ViewTransform,
+    background: Option<[f32; 3]>,
+) -> Result<Vec<u8>, PictureError> {
+    pixels_of(picture, view, background).map_err(|failure| failure.at(Path::new("a picture in memory")))
 }
 
-fn pixels_of(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, Failure> {
+/// Whether the bytes of a pixel have alpha.
+fn has_alpha(picture: &Picture, background: Option<[f32; 3]>) -> bool {
+    picture.alpha.is_some() && background.is_none()
+}
+
+fn pixels_of(
+    picture: &Picture,
+    view: ViewTransform,
+    background: Option<[f32; 3]>,
+) -> Result<Vec<u8>, Failure> {
     let color = &picture.color;
     let mut bytes: Vec<u8> = match &picture.alpha {
         None => color.pixels.par_iter().flat_map_iter(|&pixel| encoded(view, pixel)).collect(),
@@ -88,14 +112,22 @@ fn pixels_of(picture: &Picture, view: ViewTransform) -> Result<Vec<u8>, Failure>
             )));
         }
         Some(alpha) => {
-            let pixel = |(pixel, &a): (&[f32; 3], &f32)| {
-                let [r, g, b] = encoded(view, pixel.map(|c| if a > 0.0 { c / a } else { 0.0 }));
-                [r, g, b, (f64::from(a).clamp(0.0, 1.0) * 255.0).round() as u8]
-            };
-            color.pixels.par_iter().zip(alpha).flat_map_iter(pixel).collect()
+            let straight = |pixel: &[f32; 3], a: f32| pixel.map(|c| if a > 0.0 { c / a } else { 0.0 });
+            let pixels = color.pixels.par_iter().zip(alpha);
+            match background {
+                None => pixels
+                    .flat_map_iter(|(pixel, &a)| {
+                        let [r, g, b] = encoded(view, straight(pixel, a));
+                        [r, g, b, (f64::from(a).clamp(0.0, 1.0) * 255.0).round() as u8]
+                    })
+                    .collect(),
+                Some(behind) => pixels
+                    .flat_map_iter(|(pixel, &a)| laid_over(behind, shown(view, straight(pixel, a)), a))
+                    .collect(),
+            }
         }
     };
-    over_display(&picture.marks, &mut bytes, color.width, 3 + usize::from(picture.alpha.is_some()));
+    over_display(&picture.marks, &mut bytes, color.width, 3 + usize::from(has_alpha(picture, background)));
     Ok(bytes)
 }
 
@@ -112,14 +144,19 @@ fn write_to(
     picture: &Picture,
     provenance: Option<&Provenance>,
     view: ViewTransform,
+    background: Option<[f32; 3]>,
 ) -> Result<(), Failure> {
     let color = &picture.color;
     check_size(color.width, color.height)?;
-    let bytes = pixels_of(picture, view)?;
+    let bytes = pixels_of(picture, view, background)?;
 
     // `check_size` has checked that both sides fit.
     let mut encoder = png::Encoder::new(&mut *writer, color.width as u32, color.height as u32);
-    encoder.set_color(if picture.alpha.is_some() { png::ColorType::Rgba } else { png::ColorType::Rgb });
+    encoder.set_color(if has_alpha(picture, background) {
+        png::ColorType::Rgba
+    } else {
+        png::ColorType::Rgb
+    });
     encoder.set_depth(png::BitDepth::Eight);
     encoder.set_pixel_dims(density(picture));
     encoder.set_source_srgb(png::SrgbRenderingIntent::RelativeColorimetric);
@@ -135,6 +172,12 @@ fn write_to(
 /// The 8-bit display values of a linear colour, each rounded to the nearest of 256.
 fn encoded(view: ViewTransform, linear: [f32; 3]) -> [u8; 3] {
     shown(view, linear).map(|c| (c * 255.0).round() as u8)
+}
+
+/// The 8-bit values of a display colour over another one.
+fn laid_over(behind: [f32; 3], front: [f64; 3], alpha: f32) -> [u8; 3] {
+    let a = f64::from(alpha).clamp(0.0, 1.0);
+    [0, 1, 2].map(|c| ((front[c] * a + f64::from(behind[c]) * (1.0 - a)) * 255.0).round() as u8)
 }
 
 /// Reads only the provenance; `None` if the file has none.
@@ -218,6 +261,20 @@ mod tests {
         let (_, _, bytes, _) = decoded(&path, png::ColorType::Rgba);
         assert_eq!(bytes[..8], [0, 118, 188, 255, 255, 255, 255, 128], "divided by alpha");
         assert_eq!(bytes[16..20], [0, 0, 0, 0], "nothing where nothing is");
+        // Over a background: white where nothing is, the mean of both at half, whatever the view.
+        picture.alpha = Some(vec![1.0, 0.5, 0.0, 1.0, 0.0, 1.0]);
+        for view in [ViewTransform::Standard, ViewTransform::Filmic, ViewTransform::Agx] {
+            write_png_shown(&path, &picture, view, Some([1.0, 1.0, 0.2])).unwrap();
+            let (_, _, bytes, _) = decoded(&path, png::ColorType::Rgb);
+            assert_eq!(
+                (&bytes[6..9], &bytes[12..15]),
+                (&[255, 255, 51][..], &[255, 255, 51][..]),
+                "{view:?}"
+            );
+            let bright = encoded(view, [2.0, 2.0002, f32::INFINITY]).map(f64::from);
+            let half = [0, 1, 2].map(|c| ((bright[c] + [255.0, 255.0, 51.0][c]) / 2.0) as u8);
+            assert!((0..3).all(|c| bytes[3 + c].abs_diff(half[c]) <= 1), "{view:?}: {half:?}, {bytes:?}");
+        }
         picture.alpha = None;
         write_png(&path, &picture).unwrap();
         let (width, height, bytes, intent) = decoded(&path, png::ColorType::Rgb);
@@ -262,12 +319,12 @@ mod tests {
         let picture = sample_pictures::picture(30, 30);
         let mut whole = Vec::new();
         let made = picture.provenance.as_ref();
-        write_to(&mut whole, &picture, made, ViewTransform::Standard).unwrap();
+        let view = ViewTransform::Standard;
+        write_to(&mut whole, &picture, made, view, None).unwrap();
         for room in [0, 8, 60, whole.len() - 1] {
             // A cursor over a slice writes 0 bytes where the slice ends, which `write_all` reports.
             let mut disk = vec![0; room];
-            let error = write_to(&mut Cursor::new(&mut disk[..]), &picture, made, ViewTransform::Standard)
-                .unwrap_err();
+            let error = write_to(&mut Cursor::new(&mut disk[..]), &picture, made, view, None).unwrap_err();
             assert!(matches!(error, Failure::Io(_)), "{room} bytes: {error:?}");
         }
     }

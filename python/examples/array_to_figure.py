@@ -10,7 +10,7 @@ labels = 1 + np.argmin([((grid - p) ** 2).sum(axis=-1) for p in points], axis=0)
 
 volume = pumice.compress(labels, spacing=(1, 1, 1), unit="um")
 low = [label for label, top in zip(volume.labels.ids, volume.labels.high[:, 2]) if top < 70]
-scene = pumice.figure(volume, labels=low, size=(640, 480), view_deg=(30, 35))
+scene = pumice.figure(volume, labels=low, size=(640, 480), view=(30, 35))
 picture = pumice.render(scene, volume, error=0.05)
 picture.save("cells.png")
 print(f"{picture.spp} samples a pixel, error about {100 * picture.error_estimate:.1f} %")

@@ -539,9 +539,10 @@ def export(path: str | PathLike[str], out: str | PathLike[str], export_as: Incom
     Writes a volume or a scene file for other programs; returns what was written, as JSON text.
     """
 
-def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetItem[SupportsIndex], labels: SupportsGetItem[int, SupportsIndex] | None, pick: SupportsIndex | None, view_deg: SupportsLenAndGetItem[SupportsFloat | SupportsIndex]) -> Scene:
+def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetItem[SupportsIndex], labels: SupportsGetItem[int, SupportsIndex] | None, flags: SupportsGetItem[int, tuple[str, str]]) -> Scene:
     """
-    Composes a scene that shows a volume: places, frames and lights it.
+    Composes a scene that shows a volume: places, frames, colours and lights it. `labels` are ids; `flags` are those of `pumice render`, without
+    their dashes, each with its text.
     """
 
 def one_line(text: str) -> str:
@@ -584,6 +585,11 @@ def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: S
 def surface(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, shared_corners: bool, job: Job | None = None) -> tuple[Array, Array, Array]:
     """
     The surface of the labels that are `visible`, by row of the table: vertices, quads, label of each quad.
+    """
+
+def turntable(scene: Scene, count: SupportsIndex) -> list[Scene]:
+    """
+    The scenes of a turntable: each is seen from a `count`th of a turn further around the vertical axis.
     """
 
 def verify_render(path: str | PathLike[str], verify_as: Incomplete, job: Job | None = None) -> tuple[str, list[tuple[str, Array]]]:

@@ -56,7 +56,7 @@ mod _native {
     #[pymodule_export]
     use crate::renderer::Renderer;
     #[pymodule_export]
-    use crate::scene::{Scene, figure};
+    use crate::scene::{Scene, figure, turntable};
     #[pymodule_export]
     use crate::surface::{count_faces, surface};
     #[pymodule_export]

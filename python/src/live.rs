@@ -5,7 +5,7 @@ use std::sync::Arc;
 use pumice_core::Job as CoreJob;
 use pumice_scene::{Instance, Mesh as SceneMesh, SceneEdit};
 use pumice_session::live::{Live, LiveOptions};
-use pumice_session::{SessionError, Stop};
+use pumice_session::{SessionError, Stop, with_built_in};
 use pumice_transport::{LoadedEdit, LoadedScene};
 use pyo3::prelude::*;
 
@@ -44,8 +44,9 @@ impl Session {
     ) -> PyResult<Self> {
         let volumes = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
         let meshes = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
-        let scene = LoadedScene::new(scene.get().0.clone(), volumes, meshes)
-            .map_err(IntoException::into_exception)?;
+        let scene = scene.get().0.clone();
+        let meshes = with_built_in(&scene, meshes).map_err(IntoException::into_exception)?;
+        let scene = LoadedScene::new(scene, volumes, meshes).map_err(IntoException::into_exception)?;
         let (backend, spp, seconds, error) = how;
         let options = LiveOptions { backend, stop: Stop { spp, seconds, error }, denoise };
         let live = Live::start(scene, options).map_err(IntoException::into_exception)?;

@@ -11,6 +11,7 @@ use pumice_session::pick_pixels::{find_voxel, pick};
 use pumice_session::render_file::{PictureFormat, PicturePaths, Rendered, render_scene, set_width};
 use pumice_session::{
     Annotations, CurvePoint, DEFAULT_DPI, OpenOptions, ScaleBar, SessionError, Stop, pixels_of_mm,
+    with_built_in,
 };
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
@@ -156,8 +157,9 @@ impl Picture {
                 input(&format_args!("view_transform: expected standard, filmic or agx, got {name:?}"))
             })?,
         };
-        let bytes = detached(py, || display_pixels(picture, view))?;
-        let channels = 3 + usize::from(picture.alpha.is_some());
+        let background = picture.provenance.as_ref().and_then(|p| p.scene.film.background);
+        let bytes = detached(py, || display_pixels(picture, view, background))?;
+        let channels = 3 + usize::from(picture.alpha.is_some() && background.is_none());
         Ok(Array::new(Data::U8(bytes), &[picture.color.height, picture.color.width, channels]))
     }
 
@@ -256,6 +258,7 @@ pub(crate) fn render(
                 &job,
             )?,
         };
+        let meshes = with_built_in(&scene, meshes)?;
         let scene = LoadedScene::new(scene, volumes, meshes)?;
         let laid_out = lay_out(&scene, &annotations)?;
         let mut rendered = render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))?;

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_session::{PersistentRenderer, Stop, Watching};
+use pumice_session::{PersistentRenderer, Stop, Watching, with_built_in};
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
@@ -75,6 +75,7 @@ impl Renderer {
         let (growing, unfinished) = watching;
         let told = Told::new(on_progress);
         let rendered = released(py, &job, || {
+            let meshes = with_built_in(&scene, meshes)?;
             let scene = LoadedScene::new(scene, volumes, meshes)?;
             let watching = Watching { growing, unfinished };
             renderer.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))

@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use pumice_scene::Scene as CoreScene;
-use pumice_scene::{SceneEdit, SceneError};
-use pumice_session::figure::{FigureOptions, compose};
+use pumice_scene::SceneEdit;
+use pumice_session::SessionError;
+use pumice_session::figure::{FigureFlags, turned};
 use pumice_session::reading::recorded;
-use pumice_session::selection::select_labels;
 use pyo3::prelude::*;
 
 use crate::errors::{IntoException, input};
@@ -110,34 +110,38 @@ pub(crate) fn label_edits(
     Ok(edits)
 }
 
-/// Composes a scene that shows a volume: places, frames and lights it.
+/// Composes a scene that shows a volume: places, frames, colours and lights it. `labels` are ids; `flags` are those of `pumice render`, without
+/// their dashes, each with its text.
 #[pyfunction]
-#[pyo3(signature = (volume, source, size, labels, pick, view_deg))]
+#[pyo3(signature = (volume, source, size, labels, flags))]
 pub(crate) fn figure(
     py: Python<'_>,
     volume: &Bound<'_, Volume>,
     source: PathBuf,
     size: [u32; 2],
     labels: Option<Vec<u64>>,
-    pick: Option<usize>,
-    view_deg: [f64; 2],
+    flags: Vec<(String, String)>,
 ) -> PyResult<Scene> {
     let volume = &volume.get().0;
-    let table = volume.labels();
-    let labels = match labels {
-        None => None,
-        Some(_) if pick.is_some() => return Err(input(&"give labels or pick, not both")),
-        Some(ids) => {
-            let dense = |id| {
-                table.index_of(id).ok_or_else(|| input(&format_args!("labels: the volume has no label {id}")))
-            };
-            Some(ids.into_iter().map(dense).collect::<PyResult<Vec<u32>>>()?)
-        }
+    let mut wishes = FigureFlags::default();
+    flags.iter().try_for_each(|(flag, text)| wishes.set(flag, text)).map_err(|e| input(&e))?;
+    let dense = |id| {
+        let index = volume.labels().index_of(id);
+        index.ok_or_else(|| input(&format_args!("labels: the volume has no label {id}")))
     };
+    let labels = labels.map(|ids| ids.into_iter().map(dense).collect::<PyResult<Vec<u32>>>()).transpose()?;
     detached(py, || {
-        let labels = labels.or_else(|| pick.map(|n| select_labels(volume, n)));
-        let scene = compose(volume, source, &FigureOptions { size, labels, view_deg });
-        scene.validate()?;
-        Ok::<_, SceneError>(Scene(scene))
+        let scene = wishes.figure(volume, source, size, labels).map_err(SessionError::Caller)?;
+        scene.validate().map_err(|e| SessionError::Caller(e.to_string()))?;
+        Ok::<_, SessionError>(Scene(scene))
     })
+}
+
+/// The scenes of a turntable: each is seen from a `count`th of a turn further around the vertical axis.
+#[pyfunction]
+#[pyo3(signature = (scene, count))]
+pub(crate) fn turntable(scene: &Bound<'_, Scene>, count: u32) -> Vec<Scene> {
+    let scene = &scene.get().0;
+    let angle_rad = |number: u32| std::f64::consts::TAU * f64::from(number) / f64::from(count);
+    (0..count).map(|number| Scene(turned(scene, angle_rad(number)))).collect()
 }

@@ -235,8 +235,8 @@ def test_figures_of_labels(volume):
         ({"pick": -1}, "pick: expected 1 to"),
         ({"size": (0, 5)}, "size: expected 1 to"),
         ({"size": (-1, 5)}, "size: expected 1 to"),
-        ({"size": (1, 5, 3)}, "two numbers each"),
-        ({"view_deg": (float("nan"), 0)}, "camera"),
+        ({"size": (1, 5, 3)}, "size: expected two numbers"),
+        ({"view": (float("nan"), 0)}, "view: expected degrees"),
     ]:
         with pytest.raises(pumice.InputError, match=what):
             pumice.figure(volume, **bad)

@@ -98,7 +98,7 @@ impl Scene {
             Environment::Image { path, .. } => Some(path),
             Environment::Constant { .. } => None,
         };
-        let meshes = self.meshes.iter_mut().map(|m| &mut m.source);
+        let meshes = self.meshes.iter_mut().filter(|m| !m.is_built_in()).map(|m| &mut m.source);
         self.instances.iter_mut().map(|i| &mut i.source).chain(meshes).chain(sky)
     }
 }

@@ -49,6 +49,10 @@ pub struct Film {
     /// Whether the background is transparent instead of showing the sky or the backdrop.
     #[serde(default)]
     pub transparent: bool,
+    /// Display colour behind the picture of a transparent film in files that hold display values (PNG), which then have no alpha:
+    /// sRGB-encoded, each channel in [0, 1]. It is added after the view transform, which does not change it.
+    #[serde(default)]
+    pub background: Option<[f32; 3]>,
     /// Passes that need the samples sorted by kind of light. The passes of the first surface at the centre of each pixel always exist.
     #[serde(default)]
     pub passes: Passes,
@@ -86,6 +90,7 @@ impl Film {
             filter,
             pixel_aspect: 1.0,
             transparent: false,
+            background: None,
             passes: Passes::NONE,
             cryptomatte_ranks: Self::RANKS,
             half: false,

@@ -244,6 +244,12 @@ fn validate_film(c: &Check, film: &Film) -> Checked {
         format!("expected at most {MAX_PIXELS} pixels in all, got {pixels}")
     })?;
     c.above("pixel_aspect", film.pixel_aspect, 0.0)?;
+    if let Some(color) = film.background {
+        c.each("background", color, |name, v| c.range(name, v, 0.0, 1.0))?;
+        c.field("background", film.transparent, || {
+            "expected film.transparent with it: an opaque film has the sky or the backdrop there".into()
+        })?;
+    }
     let (ranks, most) = (film.cryptomatte_ranks, Film::MOST_RANKS);
     c.field("cryptomatte_ranks", ranks.is_multiple_of(2) && (2..=most).contains(&ranks), || {
         format!("expected an even number from 2 to {most}, got {ranks}")

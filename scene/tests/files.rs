@@ -37,6 +37,19 @@ fn relative_paths_are_taken_from_the_files_folder() {
 }
 
 #[test]
+fn a_built_in_mesh_is_no_path() {
+    let folder = tempfile::tempdir().unwrap();
+    let file = folder.path().join("scene.json");
+    let mut scene = full_scene();
+    scene.meshes[0].source = "builtin:plane".into();
+    scene.save(&file).unwrap();
+    let loaded = Scene::load(&file).unwrap();
+    assert_eq!(loaded.meshes[0].source, Path::new("builtin:plane"));
+    assert!(loaded.meshes[0].is_built_in() && !loaded.meshes[1].is_built_in());
+    assert_eq!(loaded.meshes[1].source, folder.path().join(&scene.meshes[1].source));
+}
+
+#[test]
 fn a_scene_that_is_not_valid_leaves_the_file_as_it_was() {
     let folder = tempfile::tempdir().unwrap();
     let file = folder.path().join("scene.json");

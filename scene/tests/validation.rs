@@ -306,6 +306,15 @@ fn film() {
         &[[32_768, 32_769], [65_536, 65_536]],
         &[[32_768, 32_768], [65_536, 16_384]],
     );
+    for i in 0..3 {
+        rule(
+            &format!("film.background[{i}]"),
+            |s, v| s.film.background.as_mut().unwrap()[i] = v,
+            &[-0.1, 1.0f32.next_up(), NAN, INF],
+            &[0.0, 1.0],
+        );
+    }
+    rule("film.background", |s, v| s.film.transparent = v, &[false], &[true]);
     let (bad, fine) = ([0.0, -1.0, 16.0f32.next_up(), NAN, INF], [0.1, 16.0]);
     rule("film.filter.box.width", |s, width| s.film.filter = Filter::Box { width }, &bad, &fine);
     rule(

@@ -366,7 +366,7 @@ mod tests {
     fn each_picture_that_is_asked_for_comes_back_with_its_time() {
         let folder = tempfile::tempdir().unwrap();
         let (_, bodies) = blobs([24, 24, 24], 9, 4, 11);
-        let options = FigureOptions { size: [2, 1], labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+        let options = FigureOptions { size: [2, 1], ..FigureOptions::default() };
         let scene = compose(&bodies, "memory".into(), &options);
         let loaded = LoadedScene::new(scene, vec![bodies], vec![]).unwrap();
         let job = Job::new();
@@ -405,7 +405,7 @@ mod tests {
             (4, 3, 3) => 2,
             _ => 0,
         });
-        let options = FigureOptions { size: [2, 1], labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+        let options = FigureOptions { size: [2, 1], ..FigureOptions::default() };
         let scene = compose(&pair, "memory".into(), &options);
         let faces = |material: Material| {
             let mut scene = scene.clone();

@@ -44,7 +44,9 @@ pub use label_files::{
 pub use label_rows::LabelRows;
 pub use live::{Frame, LabelFilm, Live, LiveOptions, LiveState, Status};
 pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
-pub use open::{Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume};
+pub use open::{
+    Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume, with_built_in,
+};
 pub use persistent_renderer::{PersistentRenderer, Watching};
 pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};
@@ -56,7 +58,8 @@ pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
 pub use render_file::{
-    PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, render_file,
+    PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, TurntablePicture,
+    render_file, render_turntable,
 };
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;

@@ -194,9 +194,34 @@ pub fn open_meshes(scene: &Scene) -> Result<Vec<Arc<MeshData>>> {
     for mesh in &scene.meshes {
         let path = mesh.source.as_path();
         if !opened.contains_key(path) {
-            opened.insert(path, Arc::new(pumice_formats::open_mesh(path)?));
+            let data = if mesh.is_built_in() { plane()? } else { pumice_formats::open_mesh(path)? };
+            opened.insert(path, Arc::new(data));
         }
         meshes.extend(opened.get(path).cloned());
     }
     Ok(meshes)
+}
+
+/// The meshes of a scene, in its order, where the caller has given those that are not built in; also where it has given all.
+///
+/// # Errors
+/// None: a list of another length is returned as it is, and refused by whoever takes it.
+pub fn with_built_in(scene: &Scene, given: Vec<Arc<MeshData>>) -> Result<Vec<Arc<MeshData>>> {
+    let built_in = scene.meshes.iter().filter(|mesh| mesh.is_built_in()).count();
+    if built_in == 0 || given.len() + built_in != scene.meshes.len() {
+        return Ok(given);
+    }
+    let plane = Arc::new(plane()?);
+    let mut given = given.into_iter();
+    let of_scene = scene.meshes.iter();
+    Ok(of_scene
+        .filter_map(|m| if m.is_built_in() { Some(Arc::clone(&plane)) } else { given.next() })
+        .collect())
+}
+
+/// The mesh of [`pumice_scene::Mesh::PLANE`].
+fn plane() -> Result<MeshData> {
+    let corners = [[-1.0, -1.0], [1.0, -1.0], [1.0, 1.0], [-1.0, 1.0]].map(|[x, y]| [x, y, 0.0]);
+    MeshData::new(corners.to_vec(), vec![[0, 1, 2], [0, 2, 3]], Vec::new())
+        .map_err(|e| SessionError::Caller(format!("{}: {e}", pumice_scene::Mesh::PLANE)))
 }

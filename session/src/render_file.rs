@@ -14,9 +14,10 @@ mod provenance;
 mod refusals;
 mod render_scene;
 mod request;
+mod turntable;
 
 use std::collections::BTreeMap;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use open_scene::OpenedScene;
@@ -24,7 +25,7 @@ use picture_format::check_folder;
 use prepare::{Prepared, prepare};
 use pumice_core::{CompressedVolume, Job};
 use pumice_formats::OpenOptions;
-use pumice_picture::Passes;
+use pumice_picture::{Annotations, Passes};
 use pumice_scene::Show;
 use pumice_transport::LoadedScene;
 use refusals::check_options;
@@ -44,6 +45,48 @@ pub use pumice_picture::PicturePaths;
 pub use render_scene::{RenderFigures, Rendered, render_scene};
 pub(crate) use render_scene::{bytes_of_film, check_memory, report, sampled};
 pub use request::{RenderOverrides, RenderRequest, Subject};
+pub use turntable::{TurntablePicture, render_turntable};
+
+/// What a request means, checked and opened.
+struct Ready {
+    format: PictureFormat,
+    passes: Passes,
+    scene: LoadedScene,
+    stop: Stop,
+    backend: String,
+    annotations: Annotations,
+    opening_seconds: [f64; 2],
+}
+
+impl Ready {
+    /// Checks a request, opens what it needs, and writes the scene where that is wanted. `pictures` are the files that it makes.
+    fn new(request: &RenderRequest, pictures: &[PathBuf], job: &Job) -> Result<Self> {
+        // A wrong file extension, pass or backend is reported before the work, not after it.
+        let format = PictureFormat::of(&request.out)?;
+        let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
+        check_options(request, format)?;
+        check_folder(&request.out)?;
+        pictures
+            .iter()
+            .chain(&request.save_scene)
+            .try_for_each(|out| request.reading.outputs.declare(out))?;
+        make_renderer(&request.backend)?;
+
+        let clock = Stopwatch::start();
+        let Prepared { opened: OpenedScene { mut scene, volumes, meshes }, stop, backend, annotations } =
+            prepare(request, job)?;
+        let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
+        // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
+        if request.passes != ["all"] {
+            scene.film.passes = scene.film.passes.or(passes);
+        }
+        if let Some(path) = &request.save_scene {
+            scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
+        }
+        let scene = LoadedScene::new(scene, volumes, meshes)?;
+        Ok(Self { format, passes, scene, stop, backend, annotations, opening_seconds })
+    }
+}
 
 /// Carries out `request`. After every slice it calls `watch` with the limits in force and the progress.
 ///
@@ -54,30 +97,10 @@ pub fn render_file(
     job: &Job,
     watch: &mut (dyn FnMut(&Stop, &CurvePoint) + Send),
 ) -> Result<Rendered> {
-    // A wrong file extension, pass or backend is reported before the work, not after it.
-    let format = PictureFormat::of(&request.out)?;
-    let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
-    check_options(request, format)?;
-    check_folder(&request.out)?;
-    std::iter::once(&request.out)
-        .chain(&request.save_scene)
-        .try_for_each(|out| request.reading.outputs.declare(out))?;
-    make_renderer(&request.backend)?;
-
-    let clock = Stopwatch::start();
-    let Prepared { opened: OpenedScene { mut scene, volumes, meshes }, stop, backend, annotations } =
-        prepare(request, job)?;
-    let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
-    // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
-    if request.passes != ["all"] {
-        scene.film.passes = scene.film.passes.or(passes);
-    }
-    if let Some(path) = &request.save_scene {
-        scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
-    }
-    let scene = LoadedScene::new(scene, volumes, meshes)?;
+    let Ready { format, passes, scene, stop, backend, annotations, opening_seconds } =
+        Ready::new(request, std::slice::from_ref(&request.out), job)?;
     let laid_out = lay_out(&scene, &annotations)?;
-    let mut render = || -> Result<Rendered> {
+    let mut rendered = in_pool(request.threads, || -> Result<Rendered> {
         let mut rendered = render_scene(&scene, &backend, &stop, job, &mut |point| watch(&stop, point))?;
         laid_out.apply(&mut rendered);
         rendered.figures.opening_seconds = Some(opening_seconds);
@@ -89,11 +112,7 @@ pub fn render_file(
             rendered.figures.savings = Some(Savings { opening, ..measured });
         }
         Ok(rendered)
-    };
-    let mut rendered = match request.threads {
-        None => render()?,
-        Some(threads) => in_pool(threads, render)?,
-    };
+    })?;
     if let (Subject::Again(_), Some(whole)) = (&request.subject, stop.spp)
         && rendered.figures.spp < whole
     {
@@ -133,8 +152,9 @@ fn measure_openings(loaded: &LoadedScene, job: &Job) -> Result<(Vec<OpeningSaved
     Ok((saved, all_labels))
 }
 
-/// Runs `work` in a pool of `threads` threads.
-fn in_pool<T: Send>(threads: usize, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+/// Runs `work` in a pool of `threads` threads; without a number, in that of the process.
+fn in_pool<T: Send>(threads: Option<usize>, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+    let Some(threads) = threads else { return work() };
     rayon::ThreadPoolBuilder::new()
         .num_threads(threads)
         .build()

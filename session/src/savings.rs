@@ -328,8 +328,7 @@ mod tests {
 
     fn measured(edit: impl FnOnce(&mut Scene)) -> Savings {
         let (_, bodies) = blobs([48, 48, 48], 60, 5, 4);
-        let options =
-            FigureOptions { size: [64, 40], labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+        let options = FigureOptions { size: [64, 40], ..FigureOptions::default() };
         let mut scene = compose(&bodies, "memory".into(), &options);
         edit(&mut scene);
         let how = SavingsOptions { rounds: 3, side: 32 };

@@ -17,6 +17,12 @@ pub const SPECK_SHARE: f64 = 2e-4;
 /// The `count` labels that make the best figure, by dense index, best first, of those that were read from the file; fewer if there are
 /// fewer.
 pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
+    let held = (0..volume.labels().len() as u32).filter(|&label| volume.holds(label));
+    select_among(volume, held.collect(), count)
+}
+
+/// The `count` of these labels that make the best figure, by dense index, best first; all of them if there are fewer.
+pub fn select_among(volume: &CompressedVolume, mut labels: Vec<u32>, count: usize) -> Vec<u32> {
     let bounds = volume.label_bounds();
     let all = volume.info().voxels() as f64;
     let spacing = volume.info().spacing();
@@ -28,7 +34,6 @@ pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
     // Giants and specks come last but are not dropped: an organ atlas or a handful of cells has nothing else, and a request for n labels
     // gets n.
     let thing = |label: u32| (SPECK_SHARE..GIANT_SHARE).contains(&share(label));
-    let mut labels: Vec<u32> = (0..volume.labels().len() as u32).filter(|&l| volume.holds(l)).collect();
     labels.sort_by(|&a, &b| thing(b).cmp(&thing(a)).then(reach(b).total_cmp(&reach(a))).then(a.cmp(&b)));
     labels.truncate(count);
     labels

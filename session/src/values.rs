@@ -16,6 +16,17 @@ pub fn size(text: &str) -> Result<[u32; 2], String> {
         .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, each 1 to 65536, e.g. 960x540".into())
 }
 
+/// Parses a whole number of at least 1.
+///
+/// # Errors
+/// The expected form, if `text` has another.
+pub fn whole_from_1(text: &str) -> Result<u32, String> {
+    text.parse()
+        .ok()
+        .filter(|&n: &u32| n > 0)
+        .ok_or_else(|| format!("expected a whole number from 1 to {}, got {text}", u32::MAX))
+}
+
 /// Parses an amount of bytes: `268435456`, or `256M`, with K, M and G for 2¹⁰, 2²⁰ and 2³⁰.
 ///
 /// # Errors

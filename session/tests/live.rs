@@ -25,7 +25,7 @@ fn volume() -> Arc<CompressedVolume> {
 }
 
 fn scene(size: [u32; 2]) -> Scene {
-    let options = FigureOptions { size, labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let options = FigureOptions { size, ..FigureOptions::default() };
     compose(&volume(), "memory".into(), &options)
 }
 

@@ -17,6 +17,8 @@ def scene(pumice, data, tmp_path_factory):
     run(pumice, "render", path, "-o", folder / "a.exr", "--size", "48x32", "--spp", "1", "--save-scene", folder / "s.json").fine()
     fields = json.loads((folder / "s.json").read_text())
     fields["film"].update(passes=["diffuse_direct", "normal", "samples", "cryptomatte_label"], transparent=True)
+    # Bright enough that all channels of some pixels exceed 1.
+    fields["suns"][0]["strength"], fields["world"]["environment"] = 4.0, {"constant": {"radiance": [1, 1, 1]}}
     (folder / "s.json").write_text(json.dumps(fields))
     fields["suns"] = [{"direction": [0.3, 0.2, -1], "strength": 4e6, "color": [1, 0.01, 1e-7], "angle_rad": 0}]
     (folder / "bright.json").write_text(json.dumps(fields))

@@ -7,7 +7,8 @@ use pumice_session::values::size;
 
 use super::Reading;
 use super::annotations::AnnotationArgs;
-use super::values::{positive, relative, view};
+use super::figure::{Figure, NOT_AGAIN};
+use super::values::{positive, relative};
 
 /// Path trace a volume or a scene
 ///
@@ -23,7 +24,7 @@ pub(crate) struct Render {
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Render a picture again from the scene and settings that its file carries; gives the same pixels
-    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "error", "bounces", "mode", "lod", "seed", "labels", "pick", "view", "transparent", "half", "view_transform", "noise_threshold", "min_spp"])]
+    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "error", "bounces", "mode", "lod", "seed", "transparent", "half", "view_transform", "noise_threshold", "min_spp"], conflicts_with_all = NOT_AGAIN)]
     pub(crate) again: Option<PathBuf>,
     /// With --again: a file to render from, in place of one that the picture names; once for each, first the volumes, then the meshes, then
     /// the picture of the sky
@@ -94,15 +95,6 @@ pub(crate) struct Render {
     /// Default: standard, or the scene's. filmic and agx are approximations; docs/passes.md says how close they are
     #[arg(long, value_enum, value_name = "VIEW")]
     pub(crate) view_transform: Option<ViewArg>,
-    /// Draw only the labels with these ids, separated by commas
-    #[arg(long, value_name = "ID,ID", value_delimiter = ',', conflicts_with = "pick")]
-    pub(crate) labels: Option<Vec<u64>>,
-    /// Draw only N labels that make a good figure: long, thin ones first
-    #[arg(long, value_name = "N")]
-    pub(crate) pick: Option<usize>,
-    /// Direction of the camera of a volume in degrees: around the vertical axis, then above the horizon
-    #[arg(long, value_name = "AROUND,ABOVE", value_parser = view, allow_hyphen_values = true)]
-    pub(crate) view: Option<[f64; 2]>,
     /// Number of threads; default: all cores. The picture does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
@@ -120,6 +112,8 @@ pub(crate) struct Render {
     pub(crate) explain: bool,
     #[command(flatten)]
     pub(crate) annotate: AnnotationArgs,
+    #[command(flatten)]
+    pub(crate) figure: Figure,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }

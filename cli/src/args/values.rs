@@ -22,13 +22,6 @@ pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
         .ok_or_else(|| "expected three numbers above 0, e.g. 16,16,40".into())
 }
 
-/// Degrees around the vertical axis and above the horizon: `30,20`.
-pub(super) fn view(text: &str) -> Result<[f64; 2], String> {
-    numbers(text, ',')
-        .filter(|v: &[f64; 2]| v[0].is_finite() && v[1].abs() <= 90.0)
-        .ok_or_else(|| "expected degrees around and above (-90 to 90), e.g. 30,20".into())
-}
-
 /// A pixel, counted from the upper left: `412,230`.
 pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {
     numbers(text, ',').ok_or_else(|| "expected a pixel X,Y, counted from the upper left, e.g. 412,230".into())

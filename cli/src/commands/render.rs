@@ -1,10 +1,11 @@
 //! `pumice render`
 
+use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_session::{
     CurvePoint, Job, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop, Subject,
-    render_file,
+    TurntablePicture, render_file, render_turntable,
 };
 
 use super::open_options;
@@ -51,8 +52,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
                 LodArg::Auto => pumice_session::Lod::Distance { pixels: 1.0 },
             }),
             seed: args.seed,
-            labels: args.labels.clone(),
-            pick: args.pick,
+            labels: args.figure.ids(),
             transparent: args.transparent,
             half: args.half,
             view_transform: args.view_transform.map(|v| match v {
@@ -62,7 +62,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
             }),
             noise_threshold: args.noise_threshold.map(|t| t as f32),
             min_spp: args.min_spp,
-            view_deg: args.view,
+            figure: args.figure.flags(),
         },
         annotations: args.annotate.annotations(),
         reading: open_options(&args.reading),
@@ -74,6 +74,9 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     };
     declare_report(&request.reading.outputs, args.json.as_deref())?;
 
+    if args.figure.turntable().is_some() {
+        return run_turntable(args, &request, job);
+    }
     let mut opening = Some(Bar::follow("opening", job));
     let mut tracing = None;
     let rendered = render_file(&request, job, &mut |stop, point| {
@@ -98,6 +101,37 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         write_report(to, &rendered.figures)?;
     }
     Ok(Answer::Yes)
+}
+
+/// Renders the pictures of a turntable.
+fn run_turntable(args: &Render, request: &RenderRequest, job: &Arc<Job>) -> Result<Answer, Failure> {
+    let mut opening = Some(Bar::follow("opening", job));
+    let mut tracing = None;
+    let pictures = render_turntable(request, job, &mut |number, stop, point| {
+        opening = None;
+        let (of_picture, bar) = tracing.get_or_insert_with(|| (number, turntable_bar(number)));
+        if *of_picture != number {
+            (*of_picture, *bar) = (number, turntable_bar(number));
+        }
+        show_progress(bar, stop, point);
+    });
+    drop((opening, tracing));
+    let pictures = pictures?;
+    pictures.iter().try_for_each(|picture| warn(&picture.figures))?;
+
+    if args.json.as_deref() != Some(std::path::Path::new("-")) {
+        for TurntablePicture { picture, figures } in &pictures {
+            say(format_args!("{}: {}, by {}", picture.display(), summary(figures), figures.backend))?;
+        }
+    }
+    if let Some(to) = &args.json {
+        write_report(to, &BTreeMap::from([("pictures", &pictures)]))?;
+    }
+    Ok(Answer::Yes)
+}
+
+fn turntable_bar(number: u32) -> Bar {
+    Bar::manual(format!("picture {}", number + 1))
 }
 
 /// Sets the bar to the progress of the picture towards the limit that it is nearest to.

@@ -3,6 +3,7 @@
 use std::sync::Arc;
 
 use pumice_picture::agreement::counted;
+use pumice_session::figure::FigureFlags;
 use pumice_session::render_file::RenderOverrides;
 use pumice_session::verify_render::{Verdict, VerifiedRender};
 use pumice_session::{DetailLevel, Job, VerifyRenderRequest, verify_render};
@@ -32,8 +33,8 @@ pub(crate) fn run(args: &VerifyRender, job: &Arc<Job>) -> Result<Answer, Failure
         overrides: RenderOverrides {
             size: args.size,
             labels: args.labels.clone(),
-            pick: args.pick,
             bounces: args.bounces,
+            figure: FigureFlags { pick: args.pick, ..FigureFlags::default() },
             ..RenderOverrides::default()
         },
         reading: open_options(&args.reading),

@@ -92,6 +92,7 @@ pub(crate) fn full_scene() -> Scene {
         film: Film {
             pixel_aspect: 1.5,
             transparent: true,
+            background: Some([0.25, 0.5, 0.75]),
             passes: Passes::ALL,
             cryptomatte_ranks: 8,
             half: true,

@@ -10,10 +10,9 @@ use pumice_scene::{Scene, Show};
 use super::overrides::apply;
 use super::request::RenderOverrides;
 use crate::error::{Result, SessionError, io};
-use crate::figure::{FigureOptions, compose};
+use crate::figure::{FigureFlags, FigureOptions};
 use crate::open::{Residence, open_chosen, open_meshes, open_shown};
 use crate::reading::record;
-use crate::selection::select_labels;
 
 /// A scene with its volumes and meshes open.
 pub(crate) struct OpenedScene {
@@ -37,33 +36,37 @@ pub(crate) fn open_scene(
     reading: &OpenOptions,
     job: &Job,
 ) -> Result<OpenedScene> {
-    let instead = overrides.labels.clone().map(Show::Only);
+    let figure = &overrides.figure;
+    let wrong = |e: String| SessionError::Caller(format!("--{e}"));
+    // Queries, and `pick`, compare all labels, so all are read.
+    let only = overrides.labels.clone().map(Show::Only);
+    let instead = only.or_else(|| figure.queries().then_some(Show::All));
     let (mut scene, volumes, meshes) = if is_scene_file(path) {
         reading.outputs.check_input(path)?;
-        refuse_for_scene(path, overrides)?;
+        if let Some(flag) = figure.first_for_volumes() {
+            let path = path.display();
+            return Err(wrong(format!(
+                "{flag}: {path} is a scene, which says that itself; expected a volume"
+            )));
+        }
         let mut scene =
             Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
         check_files(&scene, reading)?;
         let volumes = open_shown(&scene, instead.as_ref(), reading, Residence::Mapped, job)?;
+        show_chosen(figure, &mut scene, &volumes).map_err(wrong)?;
         let meshes = open_meshes(&scene)?;
         record(&mut scene, reading);
         (scene, volumes, meshes)
     } else {
-        // `pick` chooses by the shape of labels and compares all of them, so all are read.
         let shows = instead.as_ref().unwrap_or(&Show::All);
         let volume = open_chosen(path, &[shows], reading, Residence::Mapped, job)?;
-        let options = FigureOptions {
-            size: overrides.size.unwrap_or([960, 540]),
-            labels: match &overrides.labels {
-                Some(ids) => Some(dense_labels(&volume, ids)?),
-                None => overrides.pick.map(|n| select_labels(&volume, n)),
-            },
-            view_deg: overrides.view_deg.unwrap_or(FigureOptions::DEFAULT_VIEW_DEG),
-        };
+        let labels = overrides.labels.as_ref().map(|ids| dense_labels(&volume, ids)).transpose()?;
         let absolute = path.canonicalize().map_err(io(path))?;
-        let mut scene = compose(&volume, absolute, &options);
+        let size = overrides.size.unwrap_or(FigureOptions::DEFAULT_SIZE);
+        let mut scene = figure.figure(&volume, absolute, size, labels).map_err(wrong)?;
+        let meshes = open_meshes(&scene)?;
         record(&mut scene, reading);
-        (scene, vec![volume], Vec::new())
+        (scene, vec![volume], meshes)
     };
     apply(overrides, &mut scene, &volumes)?;
     scene.validate().map_err(|source| SessionError::Scene { path: path.into(), source })?;
@@ -75,16 +78,20 @@ pub(super) fn check_files(scene: &Scene, reading: &OpenOptions) -> Result<()> {
     Ok(scene.paths().into_iter().try_for_each(|(_, path)| reading.outputs.check_input(path))?)
 }
 
-/// Refuses what composes the scene of a volume, for a file that is a scene already.
-fn refuse_for_scene(path: &Path, overrides: &RenderOverrides) -> Result<()> {
-    let (option, why) = match overrides {
-        RenderOverrides { pick: Some(_), .. } => {
-            ("--pick", "says itself which labels it shows; --labels shows others")
+/// Shows of each volume the labels that the flags choose, where they choose any by name.
+fn show_chosen(
+    figure: &FigureFlags,
+    scene: &mut Scene,
+    volumes: &[Arc<CompressedVolume>],
+) -> std::result::Result<(), String> {
+    figure.require_matches(volumes.iter().map(|volume| &**volume), "the scene")?;
+    for (instance, volume) in scene.instances.iter_mut().zip(volumes) {
+        if let Some(chosen) = figure.chosen(volume)? {
+            let id = |label: u32| volume.labels().ids()[label as usize];
+            instance.style.show = Show::Only(chosen.into_iter().map(id).collect());
         }
-        RenderOverrides { view_deg: Some(_), .. } => ("--view", "has a camera of its own"),
-        _ => return Ok(()),
-    };
-    Err(SessionError::Caller(format!("{option}: {} is a scene, which {why}", path.display())))
+    }
+    Ok(())
 }
 
 fn dense_labels(volume: &CompressedVolume, ids: &[u64]) -> Result<Vec<u32>> {

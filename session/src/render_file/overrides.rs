@@ -47,6 +47,7 @@ pub(super) fn apply(
     }
     scene.film.transparent |= wishes.transparent;
     scene.film.half |= wishes.half;
+    wishes.figure.dress(scene);
     if let Some(view) = wishes.view_transform {
         scene.film.view_transform = view;
     }

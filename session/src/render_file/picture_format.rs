@@ -32,8 +32,8 @@ impl PictureFormat {
         }
     }
 
-    /// Writes a picture with the options of its scene's film: half floats, view transform. `paths` says what the file tells of where its
-    /// sources are.
+    /// Writes a picture with the options of its scene's film: half floats, view transform, background. `paths` says what the file tells of
+    /// where its sources are.
     ///
     /// # Errors
     /// When the file cannot be written; the name is then unchanged.
@@ -43,7 +43,7 @@ impl PictureFormat {
             Self::Exr => write_exr_as(path, picture, passes, film.is_some_and(|f| f.half), paths)?,
             Self::Png => {
                 let view = film.map(|f| f.view_transform).unwrap_or_default();
-                write_png_as(path, picture, view, paths)?;
+                write_png_as(path, picture, view, film.and_then(|f| f.background), paths)?;
             }
         }
         Ok(())

@@ -6,6 +6,7 @@ use pumice_formats::OpenOptions;
 use pumice_picture::{Annotations, PicturePaths};
 use pumice_scene::{Lod, Mode, ViewTransform};
 
+use crate::figure::FigureFlags;
 use crate::progressive::Stop;
 
 /// The subject of a render.
@@ -32,10 +33,8 @@ pub struct RenderOverrides {
     pub lod: Option<Lod>,
     /// Seed of every random number.
     pub seed: Option<u64>,
-    /// Labels to show, by id.
+    /// Labels to show, by id: of a `.pumice` file, others are not read.
     pub labels: Option<Vec<u64>>,
-    /// Number of labels to choose for a figure.
-    pub pick: Option<usize>,
     /// Whether the background is transparent.
     pub transparent: bool,
     /// Whether colours are written as half floats.
@@ -46,8 +45,8 @@ pub struct RenderOverrides {
     pub noise_threshold: Option<f32>,
     /// Samples that every pixel gets before it may rest.
     pub min_spp: Option<u32>,
-    /// Direction of the camera in degrees, around the vertical axis and above the horizon; for volumes only.
-    pub view_deg: Option<[f64; 2]>,
+    /// Flags of a figure. What only volumes take is refused for a scene.
+    pub figure: FigureFlags,
 }
 
 /// A request to render a file.

@@ -142,7 +142,7 @@ pub(crate) fn ways(fails: &[(&'static str, At)], error: Failure) -> (FallbackRen
 pub(crate) fn scene(size: [u32; 2]) -> LoadedScene {
     let info = VolumeInfo::new([2, 1, 1], LabelType::U8);
     let volume = compress_labels(info, LabelBuffer::U8(vec![5, 9])).unwrap();
-    let options = FigureOptions { size, labels: None, view_deg: FigureOptions::DEFAULT_VIEW_DEG };
+    let options = FigureOptions { size, ..FigureOptions::default() };
     let scene = compose(&volume, "memory".into(), &options);
     LoadedScene::new(scene, vec![Arc::new(volume)], vec![]).unwrap()
 }

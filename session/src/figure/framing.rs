@@ -1,0 +1,172 @@
+//! Framing: the camera that sees what a figure shows.
+
+use glam::{DAffine3, DMat3, DVec3};
+use pumice_scene::{Camera, Projection};
+
+/// Field of view over the longer side of the picture: that of a lens of 72 mm on a frame of 36 mm.
+pub(super) const FOV_DEG: f64 = 28.0;
+
+/// What a figure's camera frames.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub enum FrameOn {
+    /// The labels that are shown, as far as cuts leave them.
+    #[default]
+    Labels,
+    /// The whole volume, so that pictures of other labels of it have the same place, scale and camera.
+    Volume,
+}
+
+impl FrameOn {
+    /// Parses `labels` or `volume`.
+    ///
+    /// # Errors
+    /// The two names, if `name` is neither.
+    pub fn parse(name: &str) -> Result<Self, String> {
+        match name {
+            "labels" => Ok(Self::Labels),
+            "volume" => Ok(Self::Volume),
+            _ => Err(format!("expected labels or volume, got {name}")),
+        }
+    }
+}
+
+/// Direction from the subject to the camera for a view in degrees: around the vertical axis, counter-clockwise from above with 0 in front,
+/// and above the horizon.
+pub(super) fn toward_camera(view_deg: [f64; 2]) -> DVec3 {
+    let [around, above] = view_deg.map(f64::to_radians);
+    DVec3::new(around.sin() * above.cos(), -around.cos() * above.cos(), above.sin())
+}
+
+/// The eight corners of a box.
+pub(super) fn corners([low, high]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
+    (0..8u32).map(move |i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low))
+}
+
+/// Finds the nearest perspective camera of 28° that sees all points with a margin of 4 % of the picture on each side.
+///
+/// Each point p gives two planes per axis: the camera at c must satisfy |(p−c)·right| ≤ tan·((c−p)·back). The tightest left and right
+/// planes intersect at the best horizontal position, and likewise vertically; the larger of the two distances satisfies both.
+pub(super) struct Framing {
+    axes: DMat3,
+    fov_rad: f64,
+    tangents: [f64; 2],
+    /// Largest of ±p·axis + tan·p·back, for right and up.
+    planes: [[f64; 2]; 2],
+}
+
+impl Framing {
+    pub(super) fn new(toward_camera: DVec3, size: [u32; 2]) -> Self {
+        let back = toward_camera.normalize();
+        let right = DVec3::Z.cross(back).try_normalize().unwrap_or(DVec3::X);
+        let fov_rad = FOV_DEG.to_radians();
+        let longer = f64::from(size[0].max(size[1]));
+        Self {
+            axes: DMat3::from_cols(right, back.cross(right), back),
+            fov_rad,
+            tangents: size.map(|pixels| (fov_rad / 2.0).tan() * f64::from(pixels) / longer * 0.92),
+            planes: [[f64::NEG_INFINITY; 2]; 2],
+        }
+    }
+
+    /// Right, up and back of the camera in the world.
+    pub(super) fn axes(&self) -> &DMat3 {
+        &self.axes
+    }
+
+    pub(super) fn include(&mut self, p: DVec3) {
+        let back = p.dot(self.axes.z_axis);
+        for (axis, planes) in self.planes.iter_mut().enumerate() {
+            let (across, depth) = (p.dot(self.axes.col(axis)), self.tangents[axis] * back);
+            *planes = [planes[0].max(depth + across), planes[1].max(depth - across)];
+        }
+    }
+
+    pub(super) fn is_empty(&self) -> bool {
+        self.planes[0][0] == f64::NEG_INFINITY
+    }
+
+    pub(super) fn camera(&self) -> Camera {
+        let place = |axis: usize| {
+            let [plus, minus] = self.planes[axis];
+            ((plus - minus) / 2.0, (plus + minus) / (2.0 * self.tangents[axis]))
+        };
+        let ((x, back_x), (y, back_y)) = (place(0), place(1));
+        self.camera_at(DVec3::new(x, y, back_x.max(back_y)))
+    }
+
+    /// The least distance from the world's origin at which a camera that looks at it sees all points, with the same margin.
+    pub(super) fn centred_distance(&self) -> f64 {
+        // The camera at (0, 0, d) must satisfy ±p·axis ≤ tan·(d − p·back).
+        let of_axis = |axis: usize| self.planes[axis][0].max(self.planes[axis][1]) / self.tangents[axis];
+        of_axis(0).max(of_axis(1))
+    }
+
+    /// A camera that looks at the world's origin from this distance.
+    pub(super) fn centred_camera(&self, distance: f64) -> Camera {
+        self.camera_at(DVec3::new(0.0, 0.0, distance))
+    }
+
+    fn camera_at(&self, place: DVec3) -> Camera {
+        Camera::new(
+            DAffine3 { matrix3: self.axes, translation: self.axes * place },
+            Projection::Perspective { fov_rad: self.fov_rad },
+        )
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn the_camera_sees_every_point_and_wastes_no_room() {
+        for (size, view) in
+            [([960, 540], [30.0, 20.0]), ([400, 900], [-75.0, 60.0]), ([512, 512], [0.0, 89.9])]
+        {
+            let points: Vec<DVec3> = (0..8u32)
+                .map(|i| {
+                    DVec3::new(
+                        f64::from(i & 1) * 8.0,
+                        f64::from(i >> 1 & 1) * 3.0 - 7.0,
+                        f64::from(i >> 2) * 1.5,
+                    )
+                })
+                .collect();
+            let mut framing = Framing::new(toward_camera(view), size);
+            points.iter().for_each(|&p| framing.include(p));
+            for camera in [framing.camera(), framing.centred_camera(framing.centred_distance())] {
+                let Projection::Perspective { fov_rad } = camera.projection else { unreachable!() };
+                let camera_from_world = camera.world_from_camera.inverse();
+                let longer = f64::from(size[0].max(size[1]));
+                let mut extreme = [0f64; 2];
+                for p in &points {
+                    let q = camera_from_world.transform_point3(*p);
+                    assert!(q.z < 0.0, "behind the camera");
+                    for (a, e) in extreme.iter_mut().enumerate() {
+                        let half = (fov_rad / 2.0).tan() * f64::from(size[a]) / longer;
+                        *e = e.max((q[a] / -q.z / half).abs());
+                    }
+                }
+                // Within the margin, and the tighter direction touches it.
+                assert!(
+                    extreme.iter().all(|&e| e <= 0.92 + 1e-9) && extreme.iter().any(|&e| e > 0.92 - 1e-9),
+                    "{extreme:?}"
+                );
+            }
+        }
+    }
+
+    #[test]
+    fn the_camera_goes_around_as_the_help_says() {
+        // From the front, from the right, from behind, from the left, from above.
+        for (view, expected) in [
+            ([0.0, 0.0], DVec3::NEG_Y),
+            ([90.0, 0.0], DVec3::X),
+            ([180.0, 0.0], DVec3::Y),
+            ([-90.0, 0.0], DVec3::NEG_X),
+            ([77.0, 90.0], DVec3::Z),
+        ] {
+            assert!(toward_camera(view).distance(expected) < 1e-12, "{view:?}");
+        }
+    }
+}
