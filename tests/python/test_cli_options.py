@@ -50,8 +50,12 @@ OPTIONS = {
         "--passes": "for a .png",
         "--half": "with --again, and for a .png",
         "--view-transform": "with --again, and for an .exr",
-        "--pick": "with --again, and for scenes",
-        "--view": "with --again, and for scenes",
+        **dict.fromkeys(["--query", "--background", "--smooth"], "with --again"),
+        **dict.fromkeys(["--pick", "--color", "--material", "--cut", "--floor"], "with --again, and for scenes"),
+        **dict.fromkeys(["--focus", "--aperture", "--view", "--distance", "--frame"], "with --again, and for scenes"),
+        "--turntable": "with --again, with --explain, and for scenes",
+        "--width-mm": "with --again, and with --size",
+        **dict.fromkeys(["--dpi", "--scale-bar", "--legend"], "with --again"),
         "--source": "without --again",
         **READING,
     },
@@ -72,6 +76,7 @@ OPTIONS = {
         **READING,
     },
     "compare": dict.fromkeys(["--json", "--max-rel-mse"], ""),
+    "pick": {"--json": ""},
     "devices": {"--json": ""},
 }
 
@@ -233,7 +238,8 @@ def test_a_render_takes_an_option_or_names_it(pumice, inputs, tmp_path, subject,
 @pytest.mark.parametrize("option", [name for name, rule in OPTIONS["render"].items() if rule.startswith("with --again")])
 def test_an_earlier_picture_is_rendered_again_as_it_was(pumice, inputs, tmp_path, option):
     values = {"--size": "8x8", "--error": "1%", "--mode": "ao", "--view-transform": "agx", "--view": "1,2", "--noise-threshold": "5%"}
-    value = [] if option in ("--transparent", "--half") else [values.get(option, "4")]
+    values |= {"--color": "1=#fff", "--material": "glass", "--cut": "x=0.5", "--frame": "volume", "--background": "white", "--aperture": "f/2"}
+    value = [] if option in ("--transparent", "--half", "--floor", "--smooth", "--legend") else [values.get(option, "4")]
     line = run(pumice, "render", "--again", inputs / "a.exr", "-o", tmp_path / "o.exr", option, *value).refused()
     assert option in line and not list(tmp_path.iterdir())
 

@@ -25,7 +25,9 @@ use std::path::PathBuf;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, WorldFrame};
-use pumice_scene::{Camera, Film, Filter, Instance, LabelStyle, Reading, SCENE_VERSION, Scene, Settings, Show, Sun};
+use pumice_scene::{
+    Camera, Film, Filter, Instance, LabelStyle, Reading, SCENE_VERSION, Scene, Settings, Show, Sun,
+};
 
 pub use axis_cut::AxisCut;
 pub use color::{Background, LabelColor, hex_color};
