@@ -84,7 +84,7 @@ impl Scene {
         let sources = self.instances.iter().enumerate();
         let mut paths: Vec<_> =
             sources.map(|(i, s)| (format!("instances[{i}].source"), s.source.as_path())).collect();
-        let meshes = self.meshes.iter().enumerate();
+        let meshes = self.meshes.iter().enumerate().filter(|(_, m)| !m.is_built_in());
         paths.extend(meshes.map(|(i, m)| (format!("meshes[{i}].source"), m.source.as_path())));
         if let Environment::Image { path, .. } = &self.world.environment {
             paths.push(("world.environment.image.path".into(), path));
