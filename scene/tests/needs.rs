@@ -22,7 +22,7 @@ fn plain() -> Scene {
     scene.suns.clear();
     scene.camera.aperture = None;
     (scene.lights, scene.meshes, scene.cuts) = Default::default();
-    (scene.film.transparent, scene.film.passes) = (false, Passes::NONE);
+    (scene.film.transparent, scene.film.background, scene.film.passes) = (false, None, Passes::NONE);
     (scene.settings.clamp_direct, scene.settings.clamp_indirect) = (0.0, 0.0);
     scene.settings.mode = Mode::Path;
     scene.settings.bounces = 4;

@@ -91,6 +91,8 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("picture/src/preview.rs", "filters live pictures on the host"),
     ("picture/src/resting.rs", "the host decides which pixels rest, and sends a word for each"),
     ("picture/src/passes.rs", "which sums are kept, and the passes that the host computes from them"),
+    ("picture/src/film_memory.rs", "how much memory a film takes on the host"),
+    ("picture/src/picture_labels.rs", "what a finished picture tells of its labels"),
     ("picture/src/shadow_catcher.rs", "the host computes shadows from the sums of catchers"),
     ("transport/src/palette.rs", COLORS),
     ("transport/src/farthest_colors.rs", COLORS),
