@@ -78,7 +78,7 @@ pub(crate) fn volume_of_parts(
 ) -> Result<CompressedVolume> {
     let threads = options.thread_count();
     let parts = store.into_parts();
-    let budget = Budget { limit_bytes: options.memory_limit_bytes, threads };
+    let budget = Budget::new(options.memory_limit_bytes, threads);
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| no_threads(threads, e))?;
     pool.install(|| {

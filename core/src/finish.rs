@@ -37,9 +37,11 @@ const SHARING_WINDOW_WORDS: u64 = 1 << 31;
 /// Limits on what finishing may use.
 pub(crate) struct Budget {
     /// Bytes of memory, of which finishing may take three quarters; the rest is for records of parts that have not been spilled.
-    pub(crate) limit_bytes: Option<u64>,
+    limit_bytes: Option<u64>,
     /// Number of threads, each of which gathers the records of one label at a time.
-    pub(crate) threads: usize,
+    threads: usize,
+    /// Bytes beyond which the free memory is compared with what is needed the next time.
+    ask_again_bytes: AtomicU64,
 }
 
 /// Bytes that finishing holds for each box at its peak: raw box 48, hash 16, entry in the map of shared contents about 64, index of its
@@ -49,21 +51,34 @@ const BYTES_A_BOX: u64 = 140;
 /// Bytes for each field: 8 raw, and 8 more while the results of tasks are joined, as an entry for the dictionary, or in its node.
 const BYTES_A_FIELD: u64 = 16;
 
+/// Bytes of a raw box and of a raw field, which are taken already when their memory is asked for.
+const RAW_BYTES: [u64; 2] = [48, 8];
+
+/// Free memory is asked for anew when so much more is needed: asking reads files of the system, and labels come by the million.
+const ASK_EVERY_BYTES: u64 = 64 << 20;
+
 /// Bytes that counting may take whatever the limit: less than a program takes for itself.
 const COUNTING_BYTES: u64 = 64 << 20;
 
 impl Budget {
+    pub(crate) fn new(limit_bytes: Option<u64>, threads: usize) -> Self {
+        Self { limit_bytes, threads, ask_again_bytes: AtomicU64::new(ASK_EVERY_BYTES) }
+    }
+
     /// Returns an error if the memory does not suffice; the error gives the limit that would. Without a limit, what is free is one; the records
     /// of the largest label then count once, because not all threads have a label like it.
     fn check(&self, index_bytes: u64, boxes: u64, fields: u64, largest_label: u64) -> Result<()> {
-        let structures = boxes * BYTES_A_BOX + fields * BYTES_A_FIELD;
         let Some(limit) = self.limit_bytes else {
             let records = largest_label * size_of::<Cell>() as u64;
-            return Ok(check_room(
-                "the boxes of the volume",
-                (structures + index_bytes).saturating_add(records),
-            )?);
+            let [raw_box, raw_field] = RAW_BYTES;
+            let further = boxes * (BYTES_A_BOX - raw_box) + fields * (BYTES_A_FIELD - raw_field) + records;
+            if further >= self.ask_again_bytes.load(Relaxed) {
+                check_room("the boxes of the volume", further)?;
+                self.ask_again_bytes.fetch_max(further + ASK_EVERY_BYTES, Relaxed);
+            }
+            return Ok(());
         };
+        let structures = boxes * BYTES_A_BOX + fields * BYTES_A_FIELD;
         let need = structures + self.counting_bytes(index_bytes, largest_label);
         let got = need.saturating_mul(4).div_ceil(3);
         if got > limit { Err(Error::Limit { what: "bytes of memory".into(), limit, got }) } else { Ok(()) }
@@ -310,7 +325,7 @@ mod tests {
         let block = LabelBlock::x_fastest([0; 3], dims, LabelBuffer::U8(ids.clone()));
         let store = PartStore::new(None, std::env::temp_dir());
         store.add(SortedCells::from_block(&block, dims).unwrap(), false).unwrap();
-        let budget = Budget { limit_bytes: None, threads: 1 };
+        let budget = Budget::new(None, 1);
         let (raw, labels) = boxes_of_parts(&store.into_parts(), &budget, &Job::new()).unwrap();
         (raw, labels, ids.into_iter().map(u64::from).collect())
     }

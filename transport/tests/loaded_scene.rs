@@ -137,7 +137,8 @@ fn edits_are_applied_all_or_none_and_errors_name_the_edit() {
 #[test]
 fn another_film_is_checked_and_needs_what_the_scene_on_it_does() {
     let scene = loaded();
-    let film = Film { passes: Passes::NONE, transparent: false, width: 7, ..scene.scene().film };
+    let film =
+        Film { passes: Passes::NONE, transparent: false, background: None, width: 7, ..scene.scene().film };
     let other = scene.with_film(film).unwrap();
     assert_eq!(other.scene(), &Scene { film, ..full_scene() });
     let ids = volume();
