@@ -25,6 +25,7 @@ use rayon::prelude::*;
 use crate::cryptomatte::{self, Matte};
 use crate::exr_file::{INSTANCE_CHANNEL, channels_of_pass, check_size};
 use crate::picture_labels::{LABELS_KEY, labels_of};
+use crate::provenance_paths::from_file;
 use crate::provenance_text::PROVENANCE_KEY;
 use crate::{Image, InstanceLabels, Pass, Picture, PictureError, Provenance};
 
@@ -60,7 +61,9 @@ pub(crate) fn read(path: &Path) -> Result<Picture, PictureError> {
             "expected an OpenEXR picture, got a PNG, which has neither passes nor scene-linear colours";
         return Err(PictureError::File { path: path.to_owned(), what: what.into() });
     }
-    read_from(reader, length_bytes).map_err(|failure| failure.at(path))
+    let mut picture = read_from(reader, length_bytes).map_err(|failure| failure.at(path))?;
+    picture.provenance = picture.provenance.map(|made| from_file(made, path));
+    Ok(picture)
 }
 
 /// Reads only the provenance; `None` if the file has none.

@@ -19,6 +19,7 @@ use serde::Serialize;
 
 use crate::error::{Result, SessionError};
 use crate::open::{Residence, open_chosen};
+use crate::reading::options_for;
 use crate::render_file::hash_text;
 
 /// What lies under a pixel; fields without a label are `None`.
@@ -107,7 +108,8 @@ fn find_voxels(picture: &Picture, picked: &mut [PickedPixel], job: &Job) -> Resu
     for (id, pixels) in of_instance {
         let ids = pixels.iter().filter_map(|&i| picked[i].label).collect();
         let found = placed(picture, id).and_then(|(instance, _)| {
-            let (show, reading) = (Show::Only(ids), OpenOptions::default());
+            let show = Show::Only(ids);
+            let reading = options_for(&instance.reading, &OpenOptions::default());
             let volume = open_chosen(&instance.source, &[&show], &reading, Residence::Mapped, job)?;
             pixels
                 .iter()

@@ -142,5 +142,5 @@ def test_threads_that_cannot_be_started_are_said_in_a_line(pumice, volume, comma
             assert done.returncode == 0, done
         else:
             assert done.returncode == 2 and len(done.stderr.splitlines()) == 1 and list(tmp_path.iterdir()) == [], done
-            expected = ["Ctrl-C cannot be handled here", "the threads for the work cannot be started"][threads]
+            expected = ["Ctrl-C cannot be handled here", "the threads for the work cannot start"][threads]
             assert done.stderr.startswith(f"pumice: {expected}"), done

@@ -48,6 +48,7 @@ def stage(pumice, tmp_path_factory):
     second = {**first, "id": 2, "source": str(folder / "b.pumice"), "style": {}}
     second["world_from_index"] = [*place[3:6], *(-v for v in place[0:3]), *place[6:9], place[9] + 4.0, place[10] - 3.0, place[11]]
     fields["instances"] = [first, second]
+    fields["camera"]["projection"]["perspective"]["fov_rad"] *= 1.5  # the camera frames the first alone
     (folder / "two.json").write_text(json.dumps(fields))
     run(pumice, "render", folder / "two.json", "-o", folder / "two.exr", "--spp", "1", "--backend", "cpu", "--size", "90x60").fine()
     return folder, arrays, {i["id"]: np.array(i["world_from_index"]).reshape(4, 3) for i in fields["instances"]}
@@ -154,7 +155,7 @@ def test_what_cannot_be_told_is_refused_in_one_line(pumice, stage, tmp_path):
         ((tmp_path / "a.png", "0,0"), "expected an OpenEXR picture, got a PNG"),
         ((tmp_path / "depth.exr", "0,0"), "has no label pass"),
         ((tmp_path / "none.exr", "0,0"), "No such file"),
-        (("/dev/null", "0,0"), "is not an ordinary file"),
+        (("/dev/null", "0,0"), "expected an ordinary file, got a device"),
         ((folder / "names.csv", "0,0"), "damaged OpenEXR file"),
         ((tmp_path, "0,0"), str(tmp_path)),
     ]:

@@ -22,6 +22,7 @@ LONG = {
     "README.md": "final pictures of the shipped cortex, and one of 640 × 480 pixels",
     "docs/artists.md": "final pictures of the shipped cortex",
     "docs/cookbook.md": "pictures at the size of a journal's column",
+    "docs/print.md": "a picture of 85 mm at 300 dpi",
     "docs/peers.md": "a dozen programs, each in processes of its own",
 }
 # A limit against hangs: the longest page takes some minutes of CPU time.

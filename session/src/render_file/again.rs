@@ -7,6 +7,7 @@ use std::path::{Path, PathBuf};
 
 use pumice_core::Job;
 use pumice_core::memory::available_bytes;
+use pumice_core::reserve::size_text;
 use pumice_picture::{Provenance, film_memory, read_provenance};
 use pumice_scene::{Scene, Show};
 use pumice_transport::scene_plan::sums_of;
@@ -104,8 +105,11 @@ fn check_made(picture: &Path, made: &Provenance, free_bytes: Option<u64>) -> Res
     let bytes = film_memory::bytes_of(film, sums_of(scene), scene.settings.adaptive);
     match free_bytes {
         Some(free) if bytes > free => refuse(format!(
-            "its film of {} × {} pixels takes about {bytes} bytes of memory, {free} are free",
-            film.width, film.height
+            "film: a picture of {} × {} pixels needs {} of memory, {} are free",
+            film.width,
+            film.height,
+            size_text(bytes),
+            size_text(free)
         )),
         _ => Ok(()),
     }
@@ -149,7 +153,7 @@ mod tests {
         assert!(line(|made| made.spp = 0).ends_with("(spp), got 0"));
         assert!(line(|made| made.scene.film.width = 0).contains("film.width"));
         let large = line(|made| made.scene.film.height = 400);
-        assert!(large.starts_with("a.exr: its film of 4 × 400 pixels takes about "), "{large}");
-        assert!(large.ends_with(" bytes of memory, 10000 are free"), "{large}");
+        assert!(large.starts_with("a.exr: film: a picture of 4 × 400 pixels needs "), "{large}");
+        assert!(large.ends_with(" kB of memory, 10.0 kB are free"), "{large}");
     }
 }
