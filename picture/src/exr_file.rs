@@ -347,13 +347,22 @@ mod tests {
         std::fs::read_dir(folder).unwrap().map(|e| e.unwrap().file_name().into_string().unwrap()).collect()
     }
 
+    /// A sample picture whose volumes are beside the file that it is written to.
+    fn sample_for(path: &Path, width: usize, height: usize) -> Picture {
+        let mut picture = sample_pictures::picture(width, height);
+        let folder = path.parent().unwrap().canonicalize().unwrap();
+        let made = picture.provenance.as_mut().unwrap();
+        made.scene.paths_mut().for_each(|source| *source = folder.join(&*source));
+        picture
+    }
+
     #[test]
     fn every_pass_and_the_provenance_come_back() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         // Sizes on both sides of a block of 16 lines, and one pixel.
         for (width, height) in [(5, 4), (1, 1), (33, 16), (3, 17), (70, 40)] {
-            let picture = sample_pictures::picture(width, height);
+            let picture = sample_for(&path, width, height);
             write_exr(&path, &picture, &Passes::ALL).unwrap();
             assert_eq!(read_exr(&path).unwrap(), picture, "{width} × {height}");
         }
@@ -365,7 +374,7 @@ mod tests {
     fn halves_are_the_nearest_and_only_of_colours() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        let mut picture = sample_pictures::picture(33, 17);
+        let mut picture = sample_for(&path, 33, 17);
         // Halfway cases go to even; the smallest; beyond the largest; what is no number.
         picture.color.pixels[..4].copy_from_slice(&[
             [2049.0, 2051.0, 65_519.0],
@@ -415,7 +424,7 @@ mod tests {
     fn unwanted_passes_stay_out() {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
-        let picture = sample_pictures::picture(5, 4);
+        let picture = sample_for(&path, 5, 4);
         write_exr(&path, &picture, &Passes::NONE.with(Pass::Label)).unwrap();
         let back = read_exr(&path).unwrap();
         let expected = Picture {
