@@ -18,6 +18,9 @@ class InputError(PumiceError, ValueError):
 class Cancelled(PumiceError):
     """The job was cancelled; no partial result is left behind."""
 
+    # It is also made while the interpreter ends, when no Python code can run any more.
+    __init__ = Exception.__init__
+
 
 class PumiceWarning(UserWarning):
     """A reader found something unusual in a file that is not an error."""

@@ -28,6 +28,8 @@ class Scene:
 
     @checked
     def __init__(self, text: str | _native.Scene) -> None:
+        if not isinstance(text, str | _native.Scene):
+            raise InputError(f"text: expected the JSON form of a scene, got {type(text).__name__}")
         self._native = _native.Scene.parse(text) if isinstance(text, str) else text
 
     @classmethod

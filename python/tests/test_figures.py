@@ -105,7 +105,7 @@ def test_a_floor_needs_no_mesh_from_the_caller(blocks):
     with_floor = pumice.render(scene, blocks, spp=8, backend="cpu")
     without = pumice.render(pumice.figure(blocks, size=(48, 27), background="transparent"), blocks, spp=8, backend="cpu")
     # The shadow has alpha where the film is else empty.
-    assert ((with_floor.alpha > 0.2) & (without.alpha == 0)).sum() > 10
+    assert ((with_floor.alpha > 0.2) & (without.alpha == 0)).sum() > 5
     assert (pumice.Renderer(backend="cpu").render(scene, blocks, spp=8).color == with_floor.color).all()
 
 

@@ -53,6 +53,7 @@ def made(small, tmp_path_factory):
     scene = pumice.figure(volume, size=(8, 8), source=folder / "v.pumice")
     scene.save(folder / "s.json")
     triangle = {"positions": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]]}
+    pumice.render(scene, volume, spp=1, backend="cpu").save(folder / "p.exr")
     mesh = pumice.Mesh(**triangle)
     material = {"base_color": [0.5, 0.5, 0.5]}
     groups = {"ids": [1, 2], "groups": [0, 0], "colors": np.zeros((2, 3)), "materials": [material], "colored": [True]}
@@ -121,6 +122,9 @@ def made(small, tmp_path_factory):
         "Session.latest": (session.latest, {"after": 0}),
         "Session.pick": (session.pick, {"x": 1, "y": 1}),
         "Picture.save": (picture.save, {"path": "out.exr", "passes": ["depth"]}),
+        "open_picture": (pumice.open_picture, {"path": folder / "p.exr"}),
+        "Picture.pick": (picture.pick, {"x": 1, "y": 1, "volume": volume}),
+        "Picture.srgb": (picture.srgb, {"view_transform": "agx"}),
         "cryptomatte_hash": (pumice.cryptomatte_hash, {"name": "a"}),
         "surface": (pumice.surface, {"volume": volume, "labels": [1], "lod": 4, "merged": True, "shared_corners": True, "job": None}),
         "count_faces": (pumice.count_faces, {"volume": volume, "labels": [1], "lod": 1, "merged": False, "limit": 1000, "job": None}),
@@ -149,6 +153,7 @@ NAMES = [
     *["Scene.from_dict", "Scene.from_json", "Scene.load", "Scene.save", "Scene.with_labels", "figure", "figure of some"],
     *["render", "Renderer", "Renderer.render", "Renderer.latest", "Session", "Session.edit", "Session.set_labels"],
     *["Session.add", "Session.add_mesh", "Session.latest", "Session.pick", "Picture.save", "cryptomatte_hash"],
+    *["open_picture", "Picture.pick", "Picture.srgb"],
     *["surface", "count_faces", "export", "agreement", "ReferencePicture", "ReferencePicture.of", "ReferencePicture.judge"],
 ]
 
@@ -157,7 +162,8 @@ def test_no_function_is_missing_here(made):
     assert sorted(made) == sorted(NAMES)
     functions = {name for name in pumice.__all__ if callable(getattr(pumice, name))}
     # Classes that only results have, what is raised, and what needs Blender.
-    others = {"CoarseSurface", "CurvePoint", "Faces", "Frame", "Job", "LabelFilm", "LabelTable", "Pick", "Picture", "Scene", "Status", "Volume"}
+    others = {"CoarseSurface", "CurvePoint", "Faces", "Frame", "Job", "LabelFilm", "LabelTable", "Pick", "PickedPixel"}
+    others |= {"Picture", "Scene", "Status", "Volume"}
     raised = {name for name in functions if name.endswith("Error")} | {"Cancelled", "PumiceWarning"}
     assert functions - others - raised - {"devices", "verify_render"} == {n for n in NAMES if "." not in n and " " not in n}
 
