@@ -42,7 +42,7 @@ def test_captions_and_samples_have_as_many_labels_as_the_demo_draws():
     for page in ("README.md", "docs/artists.md"):
         text = text_of(page)
         assert only(r"!\[(\S+) \w+ of mouse visual cortex", text).lower() == words
-        assert set(re.findall(r"--pick (\d+)", text)) == {str(drawn)}
+        assert str(drawn) in re.findall(r"--pick (\d+)", text)
     assert words in text_of("docs/artists.md").split("## Choose what to show")[0] and words in text_of("cli/src/args/demo.rs")
 
 
