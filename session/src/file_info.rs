@@ -125,11 +125,12 @@ impl From<&OpenChoice> for ChoiceInfo {
 }
 
 /// Bytes that the command takes for a volume of few voxels: its code, and the blocks that are read ahead.
-const BYTES_OF_READING: u64 = 32 << 20;
+const BYTES_OF_READING: u64 = 48 << 20;
 
-/// Bytes that compressing the volume `voxels` is expected to take: 32 MiB, and a byte and a quarter a voxel for the records of a densely
-/// packed volume. `pumice compress` takes 58 MB for the 33.6 million voxels of the cortex in `data/`, of which 25 MB are the command; a
-/// volume that is mostly background takes less, noise with an id of its own in each voxel some twenty times as much.
+/// Bytes that compressing the volume `voxels` is expected to take: 48 MiB, and a byte and a quarter a voxel for the records of a densely
+/// packed volume. `pumice compress` takes 50 to 58 MB for the 33.6 million voxels of the cortex in `data/`, of which 25 MB are the command
+/// (a build without optimization 69 to 78 MB); a volume that is mostly background takes less, noise with an id of its own in each voxel
+/// some twenty times as much.
 pub fn expected_bytes(voxels: u64) -> u64 {
     BYTES_OF_READING.saturating_add(voxels.saturating_add(voxels / 4))
 }
