@@ -50,12 +50,13 @@ def choose(context, film, found, extend, toggle=False):
 
 
 def make_active(context, obj):
-    """Makes a volume the active object, and selects it; Refused if it is not in the view layer."""
+    """Makes a volume the active object and selects it, as a click does with Blender's own tools; Refused if it is not in the view layer."""
     objects = context.view_layer.objects
     if objects.get(obj.name) != obj:
         raise Refused(f"{obj.name} is not in view layer {context.view_layer.name}, only instances of it are; its labels cannot be picked")
     if objects.active != obj:
         objects.active = obj
+    if not obj.select_get():
         obj.select_set(True)
 
 

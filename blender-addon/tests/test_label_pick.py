@@ -86,12 +86,15 @@ def agree(stage, count, seed):
     owner, rng, hits = seen(stage.bpy, stage.folder, stage.objects), random.Random(seed), set()
     for _ in range(count):
         x, y = rng.randrange(label.shape[1]), rng.randrange(label.shape[0])
+        for obj in stage.objects:
+            obj.select_set(False)
         assert stage.bpy.ops.pumice.labels_pick(x=x, y=y) == {"FINISHED"}
         place, row = owner[y, x], label[y, x] - 1
         expected = ([], []) if row < 0 else ([], [SECOND_IDS[row]]) if place == 2 else ([FIRST_IDS[row]], [])
         assert stage.chosen() == expected, (x, y)
         if row >= 0:
             assert stage.bpy.context.object == stage.objects[place], (x, y)
+            assert stage.objects[place].select_get(), "the active object is selected too, even if it was active before"
             hits.add((place, row))
     assert len(hits) >= 5 and {place for place, _ in hits} == {0, 1, 2}, hits
 
