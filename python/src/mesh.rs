@@ -5,6 +5,7 @@ use std::sync::Arc;
 
 use pumice_core::MeshData;
 use pumice_formats::{open_mesh, write_mesh};
+use pumice_session::SessionError;
 use pyo3::buffer::{Element, PyBuffer};
 use pyo3::prelude::*;
 
@@ -57,7 +58,7 @@ impl Mesh {
     /// Reads a PLY file, as a scene's meshes are read.
     #[staticmethod]
     fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
-        detached(py, || open_mesh(&path)).map(|data| Self(Arc::new(data)))
+        detached(py, || open_mesh(&path).map_err(SessionError::from)).map(|data| Self(Arc::new(data)))
     }
 
     /// Writes a PLY file, which appears complete or not at all.
