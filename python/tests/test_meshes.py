@@ -73,13 +73,14 @@ def test_a_mesh_that_was_saved_is_opened_again(tmp_path):
     ):
         mesh.save(path)
         opened = pumice.Mesh.open(path)
-        assert isinstance(opened, pumice.Mesh) and opened.content_hash == mesh.content_hash and repr(opened) == repr(mesh)
+        assert isinstance(opened, pumice.Mesh) and opened.content_hash == mesh.content_hash
+        assert (opened.triangles, opened.is_smooth) == (mesh.triangles, mesh.is_smooth)
         assert pumice.Mesh.open(str(path)).content_hash == mesh.content_hash
-    # A scene reads the same of the file.
+    # Control: the last one has materials and normals.
     assert pumice.Mesh.open(path).content_hash != pumice.Mesh(CORNERS, FACES).content_hash
 
 
-def test_a_mesh_of_another_program_is_the_one_of_its_numbers(tmp_path, volume):
+def test_a_mesh_of_another_program_is_the_one_of_its_numbers(tmp_path):
     """The text is written by hand: a polygon becomes a fan of triangles about its first corner."""
     path = tmp_path / "m.ply"
     path.write_text(PLY)
@@ -87,13 +88,6 @@ def test_a_mesh_of_another_program_is_the_one_of_its_numbers(tmp_path, volume):
     opened = pumice.Mesh.open(path)
     assert opened.content_hash == pumice.Mesh(corners, [[0, 1, 2], [0, 2, 3], [0, 3, 4]], [0, 0, 2]).content_hash
     assert opened.content_hash != pumice.Mesh(corners, [[0, 1, 2], [0, 2, 3], [0, 3, 4]], [0, 0, 1]).content_hash
-    # The picture of the mesh is that of the file which a scene names.
-    placed = {"id": 1, "world_from_mesh": [2, 0, 0, 0, 2, 0, 0, 0, 2, 0, 0, 0], "materials": [{}, {}, {"base_color": [1, 0, 0]}]}
-    fields = pumice.figure(volume, size=(16, 9)).to_dict() | {"meshes": [{**placed, "source": str(path)}]}
-    fields["instances"] = []
-    scene = pumice.Scene.from_dict(fields)
-    given = pumice.render(scene, [], meshes=[opened], spp=2, backend="cpu").color
-    np.testing.assert_array_equal(given, pumice.render(scene, spp=2, backend="cpu").color)
 
 
 @pytest.mark.parametrize(
