@@ -121,6 +121,8 @@ def test_an_index_0_that_a_scene_records_is_read_where_there_is_one_volume_alone
         fields["instances"][0]["reading"] = dict.fromkeys(reading, 1)
         scene.write_text(json.dumps(fields))
         assert "leaves nothing to choose" in run(pumice, "render", scene, "-o", tmp_path / "d.exr", *SMALL).refused()
+        fields["instances"][0]["reading"] = reading
+        scene.write_text(json.dumps(fields))
     for subject in (source, scene):
         line = run(pumice, "render", subject, "-o", tmp_path / "d.exr", *SMALL, "--layer", "0").refused()
         assert "--layer 0 cannot be chosen: the number of layers is 1" in line and not (tmp_path / "d.exr").exists()
