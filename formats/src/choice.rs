@@ -2,11 +2,13 @@
 //! array's axes.
 //!
 //! A reader asks with [`choose`] while it reads the header. If the caller has not chosen, it describes the first volume and records an
-//! [`OpenChoice`]: [`crate::probe()`] lists these, and [`crate::open()`] refuses a file with a choice that has no default.
+//! [`OpenChoice`]: [`crate::probe()`] lists these, and [`crate::open()`] refuses a file with a choice that has no default. An index is
+//! refused where a file has one volume alone, index 0 too, because it has no effect there. Only the record of a scene may have that 0.
 
 use std::path::Path;
 
 use crate::error::{FormatError, Result};
+use crate::options::{OpenOptions, Recorded};
 
 /// Largest number of values that are listed. A menu of more helps nobody, and a damaged header may claim billions.
 const MOST_LISTED: u64 = 4096;
@@ -57,36 +59,64 @@ pub(crate) struct Choice {
     pub(crate) name: &'static str,
     pub(crate) keyword: &'static str,
     pub(crate) option: &'static str,
+    /// The index in the options.
+    chosen: fn(&OpenOptions) -> Option<u32>,
+    /// Whether that index is one of a scene's record.
+    is_recorded: fn(&Recorded) -> bool,
 }
 
-pub(crate) const TIME: Choice = Choice { name: "time steps", keyword: "time", option: "--time-step" };
-pub(crate) const LAYER: Choice = Choice { name: "layers", keyword: "layer", option: "--layer" };
-pub(crate) const CHANNEL: Choice = Choice { name: "channels", keyword: "channel", option: "--channel" };
+pub(crate) const TIME: Choice = Choice {
+    name: "time steps",
+    keyword: "time",
+    option: "--time-step",
+    chosen: |options| options.time,
+    is_recorded: |recorded| recorded.time,
+};
+pub(crate) const LAYER: Choice = Choice {
+    name: "layers",
+    keyword: "layer",
+    option: "--layer",
+    chosen: |options| options.layer,
+    is_recorded: |recorded| recorded.layer,
+};
+pub(crate) const CHANNEL: Choice = Choice {
+    name: "channels",
+    keyword: "channel",
+    option: "--channel",
+    chosen: |options| options.channel,
+    is_recorded: |recorded| recorded.channel,
+};
 
 /// The index along an axis of `size` steps. If there are several and none was chosen, it is 0, and `open` gets the choice.
 pub(crate) fn choose(
     path: &Path,
     choice: &Choice,
-    chosen: Option<u32>,
+    options: &OpenOptions,
     size: u64,
     open: &mut Vec<OpenChoice>,
 ) -> Result<u64> {
     let listed = format!("0 to {}", size.saturating_sub(1));
-    choose_among(path, choice, chosen, size, &listed, |_| String::new(), open)
+    choose_among(path, choice, options, size, &listed, |_| String::new(), open)
 }
 
 /// Like [`choose`], with the choices in one line, and the text of each.
 pub(crate) fn choose_among(
     path: &Path,
     choice: &Choice,
-    chosen: Option<u32>,
+    options: &OpenOptions,
     size: u64,
     listed: &str,
     text_of: impl Fn(u64) -> String,
     open: &mut Vec<OpenChoice>,
 ) -> Result<u64> {
-    let Choice { name, keyword, option } = choice;
-    match chosen {
+    let Choice { name, keyword, option, .. } = choice;
+    match (choice.chosen)(options) {
+        Some(0) if size <= 1 && (choice.is_recorded)(&options.recorded) => Ok(0),
+        Some(index) if size <= 1 => Err(FormatError::NotApplicable {
+            path: path.to_owned(),
+            option: format!("{option} {index}"),
+            why: format!("the number of {name} is 1, which leaves nothing to choose"),
+        }),
         Some(index) if u64::from(index) < size => Ok(index.into()),
         Some(index) => Err(FormatError::option(
             path,
@@ -112,10 +142,7 @@ pub(crate) fn choose_among(
     }
 }
 
-/// Refuses a choice along axes that the file does not have, except index 0, which stands for the only step.
-pub(crate) fn refuse_absent(path: &Path, absent: &[(&Choice, Option<u32>)]) -> Result<()> {
-    for &(choice, chosen) in absent {
-        choose(path, choice, chosen, 1, &mut Vec::new())?;
-    }
-    Ok(())
+/// Refuses an index along axes that the file does not have.
+pub(crate) fn refuse_absent(path: &Path, options: &OpenOptions, absent: &[&Choice]) -> Result<()> {
+    absent.iter().try_for_each(|choice| choose(path, choice, options, 1, &mut Vec::new()).map(drop))
 }

@@ -58,7 +58,7 @@ pub use error::FormatError;
 pub use label_tables::{LabelTableFile, LabelTableFormat, read_label_table, write_label_table};
 pub use mesh::open_mesh;
 pub use open::{Probe, open, probe};
-pub use options::{ArrayAxes, OpenOptions, RawLayout, Warnings};
+pub use options::{ArrayAxes, OpenOptions, RawLayout, Recorded, Warnings};
 pub use orientation::orientation;
 pub use volume_file::Layer;
 pub use write_ply::write_mesh;

@@ -45,15 +45,17 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         let role = if a < 3 {
             Role::Space(a)
         } else {
-            Role::Fixed(choose(path, &choice::TIME, options.time, size, &mut choices)?)
+            Role::Fixed(choose(path, &choice::TIME, options, size, &mut choices)?)
         };
         axes.push(FileAxis { size, role });
     }
-    let time = if header.sizes.len() < 4 { options.time } else { None };
-    refuse_absent(
-        path,
-        &[(&choice::TIME, time), (&choice::CHANNEL, options.channel), (&choice::LAYER, options.layer)],
-    )?;
+    let has_time = header.sizes.len() > 3;
+    let absent: &[_] = if has_time {
+        &[&choice::CHANNEL, &choice::LAYER]
+    } else {
+        &[&choice::TIME, &choice::CHANNEL, &choice::LAYER]
+    };
+    refuse_absent(path, options, absent)?;
     let layout = Layout::new(path, axes, element.bytes())?;
     let info = place(path, &header, VolumeInfo::new(layout.dims(), header.label_type), options)?;
     let (stream, encoding) = data(path, &header, &layout, options)?;

@@ -51,9 +51,9 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     // The axes are x, y, z, then those along which a step must be chosen.
     let mut choices = Vec::new();
     let sizes = sizes(&header_path, &header)?;
-    let time = choose(path, &choice::TIME, options.time, sizes[3], &mut choices)?;
-    let channel = choose(path, &choice::CHANNEL, options.channel, sizes[4], &mut choices)?;
-    refuse_absent(path, &[(&choice::LAYER, options.layer)])?;
+    let time = choose(path, &choice::TIME, options, sizes[3], &mut choices)?;
+    let channel = choose(path, &choice::CHANNEL, options, sizes[4], &mut choices)?;
+    refuse_absent(path, options, &[&choice::LAYER])?;
     let roles = [Role::Space(0), Role::Space(1), Role::Space(2), Role::Fixed(time), Role::Fixed(channel)];
     let axes = roles.iter().zip(sizes).map(|(&role, size)| FileAxis { size, role }).collect();
     let layout = Layout::new(&header_path, axes, bits / 8)?;

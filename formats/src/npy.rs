@@ -79,14 +79,7 @@ pub(crate) struct Array {
 impl Array {
     /// Assigns the indices to axes, and checks type and size.
     pub(crate) fn new(path: &Path, header: &NpyHeader, options: &OpenOptions) -> Result<Self> {
-        refuse_absent(
-            path,
-            &[
-                (&choice::TIME, options.time),
-                (&choice::CHANNEL, options.channel),
-                (&choice::LAYER, options.layer),
-            ],
-        )?;
+        refuse_absent(path, options, &[&choice::TIME, &choice::CHANNEL, &choice::LAYER])?;
         let label_type = label_type(path, &header.descr)?;
         let element = Element::new(label_type, header.descr.starts_with('>'));
 

@@ -50,30 +50,26 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             None if axis.size <= 1 => Role::Fixed(0),
             None if axis.is_layers => {
                 let text_of = |index| layers.get(index as usize).map_or_else(String::new, segments_of);
-                let (chosen, listed) = (options.layer, describe(&layers));
+                let listed = describe(&layers);
                 Role::Fixed(choose_among(
                     path,
                     &choice::LAYER,
-                    chosen,
+                    options,
                     axis.size,
                     &listed,
                     text_of,
                     &mut choices,
                 )?)
             }
-            None => Role::Fixed(choose(path, &choice::TIME, options.time, axis.size, &mut choices)?),
+            None => Role::Fixed(choose(path, &choice::TIME, options, axis.size, &mut choices)?),
         };
         file_axes.push(FileAxis { size: axis.size, role });
     }
     let has_time = axes.iter().any(|a| a.space.is_none() && !a.is_layers && a.size > 1);
-    refuse_absent(
-        path,
-        &[
-            (&choice::LAYER, options.layer.filter(|_| layer_count == 1)),
-            (&choice::TIME, options.time.filter(|_| !has_time)),
-            (&choice::CHANNEL, options.channel),
-        ],
-    )?;
+    let mut absent = vec![&choice::CHANNEL];
+    absent.extend((layer_count == 1).then_some(&choice::LAYER));
+    absent.extend((!has_time).then_some(&choice::TIME));
+    refuse_absent(path, options, &absent)?;
     let layout = Layout::new(path, file_axes, element.bytes())?;
 
     // Placement, unit, names.

@@ -25,13 +25,28 @@ pub struct OpenOptions {
     pub warnings: Warnings,
     /// What the caller will write. Readers refuse to read one of these files, also where a header names it.
     pub outputs: Outputs,
+    /// Which indices the caller has from a scene or a picture.
+    pub recorded: Recorded,
+}
+
+/// Which of `layer`, `time` and `channel` a scene or a picture records. Index 0 of these is accepted where the file has one volume alone;
+/// of a caller it is refused, because it has no effect.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
+pub struct Recorded {
+    /// Whether `layer` is recorded.
+    pub layer: bool,
+    /// Whether `time` is recorded.
+    pub time: bool,
+    /// Whether `channel` is recorded.
+    pub channel: bool,
 }
 
 impl OpenOptions {
     /// The options of the command that the caller has given, such as `--layer`.
     pub fn given(&self) -> Vec<&'static str> {
         // Taken apart by name, so that a new field cannot be forgotten here.
-        let Self { layer, time, channel, array, spacing, raw, axes, warnings: _, outputs: _ } = self;
+        let Self { layer, time, channel, array, spacing, raw, axes, warnings: _, outputs: _, recorded: _ } =
+            self;
         let all = [
             ("--layer", layer.is_some()),
             ("--time-step", time.is_some()),
@@ -159,6 +174,7 @@ mod tests {
             axes: Some(ArrayAxes::Xyz),
             warnings: Warnings::default(),
             outputs: Outputs::default(),
+            recorded: Recorded::default(),
         };
         let options = ["--layer", "--time-step", "--channel", "--array", "--spacing", "--axes", "--raw-dims"];
         assert_eq!(all.given(), options);

@@ -16,8 +16,7 @@ use crate::volume_file::VolumeFile;
 
 /// Describes the file at `path` with the layout `raw`.
 pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Result<VolumeFile> {
-    let (time, channel, layer) = (options.time, options.channel, options.layer);
-    refuse_absent(path, &[(&choice::TIME, time), (&choice::CHANNEL, channel), (&choice::LAYER, layer)])?;
+    refuse_absent(path, options, &[&choice::TIME, &choice::CHANNEL, &choice::LAYER])?;
     if raw.big_endian && Element::new(raw.label_type, false).bytes() == 1 {
         return Err(FormatError::NotApplicable {
             path: path.to_owned(),

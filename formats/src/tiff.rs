@@ -59,9 +59,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     for &(axis, size) in &axes.order {
         let role = match axis {
             PageAxis::Z => Role::Space(2),
-            PageAxis::Channel => {
-                Role::Fixed(choose(path, &choice::CHANNEL, options.channel, size, &mut choices)?)
-            }
+            PageAxis::Channel => Role::Fixed(choose(path, &choice::CHANNEL, options, size, &mut choices)?),
             PageAxis::Time => {
                 // Many stacks of slices were saved as time steps, because ImageJ guesses so.
                 let last = size.saturating_sub(1);
@@ -70,7 +68,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
                 Role::Fixed(choose_among(
                     path,
                     &choice::TIME,
-                    options.time,
+                    options,
                     size,
                     &listed,
                     |_| String::new(),
@@ -81,16 +79,13 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         file_axes.push(FileAxis { size, role });
     }
 
-    let absent =
-        |axis: PageAxis, chosen: Option<u32>| chosen.filter(|_| !axes.order.iter().any(|a| a.0 == axis));
-    refuse_absent(
-        path,
-        &[
-            (&choice::LAYER, options.layer),
-            (&choice::TIME, absent(PageAxis::Time, options.time)),
-            (&choice::CHANNEL, absent(PageAxis::Channel, options.channel)),
-        ],
-    )?;
+    let mut absent = vec![&choice::LAYER];
+    for (axis, choice) in [(PageAxis::Time, &choice::TIME), (PageAxis::Channel, &choice::CHANNEL)] {
+        if !axes.order.iter().any(|a| a.0 == axis) {
+            absent.push(choice);
+        }
+    }
+    refuse_absent(path, options, &absent)?;
 
     let element_bytes = Element::new(shape.label_type, false).bytes();
     let layout = Layout::new(path, file_axes, element_bytes)?;

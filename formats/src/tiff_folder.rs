@@ -20,8 +20,7 @@ use crate::volume_file::VolumeFile;
 
 /// Reads the headers of the slices in `folder`.
 pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
-    let (time, channel, layer) = (options.time, options.channel, options.layer);
-    refuse_absent(folder, &[(&choice::TIME, time), (&choice::CHANNEL, channel), (&choice::LAYER, layer)])?;
+    refuse_absent(folder, options, &[&choice::TIME, &choice::CHANNEL, &choice::LAYER])?;
     let mut files: Vec<PathBuf> = Vec::new();
     for entry in std::fs::read_dir(folder).map_err(FormatError::io(folder))? {
         let path = entry.map_err(FormatError::io(folder))?.path();

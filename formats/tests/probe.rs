@@ -7,7 +7,7 @@ mod files;
 use std::path::{Path, PathBuf};
 
 use files::*;
-use pumice_formats::{ArrayAxes, OpenChoice, OpenOptions, RawLayout, open, probe};
+use pumice_formats::{ArrayAxes, OpenChoice, OpenOptions, RawLayout, Recorded, open, probe};
 
 /// Keyword, values with their texts, assumed answer.
 type Choice = (&'static str, Vec<(String, String)>, Option<&'static str>);
@@ -197,6 +197,69 @@ fn files_that_say_which_axis_is_which_refuse_an_order() {
         RawLayout { dims: [3, 4, 5], label_type: pumice_core::LabelType::U8, big_endian: false, offset: 0 };
     let raw = write(folder.path(), "a.raw", &[1; 60]);
     refuse(&raw, &OpenOptions { raw: Some(layout), ..ask(ArrayAxes::Zyx) }, &["x fastest"]);
+}
+
+/// A file of each format with one layer, one time step and one channel, and how it is read.
+fn with_one_of_each(folder: &Path) -> Vec<(PathBuf, OpenOptions)> {
+    let plain = OpenOptions::default();
+    let layout =
+        RawLayout { dims: [3, 4, 5], label_type: pumice_core::LabelType::U8, big_endian: false, offset: 0 };
+    let meta = [meta("MET_UCHAR", "", "LOCAL").into_bytes(), vec![1; 60]].concat();
+    let nrrd = b"NRRD0004\ntype: uint8\ndimension: 4\nsizes: 1 3 4 5\nkinds: list domain domain domain\nencoding: raw\n\n";
+    // A time step, which is the only one, is an axis of its own here.
+    let mut four_axes = Nifti::new(1, false, 2);
+    four_axes.dims(&[3, 4, 5, 1, 1]);
+    let slices = folder.join("slices");
+    std::fs::create_dir(&slices).unwrap();
+    write(&slices, "1.tif", &stack("", 1));
+    let stacked = "ImageJ=1.54f\nimages=2\nslices=2\n";
+    vec![
+        (write(folder, "a.nrrd", &[&nrrd[..], &[1; 60]].concat()), plain.clone()),
+        (write(folder, "a.nii", &Nifti::new(1, false, 2).file(&[1; 60])), plain.clone()),
+        (write(folder, "b.nii", &four_axes.file(&[1; 60])), plain.clone()),
+        (write(folder, "a.tif", &stack(stacked, 2)), plain.clone()),
+        (write(folder, "a.mha", &meta), plain.clone()),
+        (write(folder, "a.npy", &array("(3, 4, 5)", "True")), plain.clone()),
+        (write(folder, "a.raw", &[1; 60]), OpenOptions { raw: Some(layout), ..plain.clone() }),
+        (slices, plain),
+    ]
+}
+
+#[test]
+fn an_index_is_refused_where_there_is_one_unless_a_scene_records_0() {
+    let folder = tempfile::tempdir().unwrap();
+    type Set = fn(&mut OpenOptions, u32);
+    let options: [(&str, Set); 3] = [
+        ("--layer", |options, index| options.layer = Some(index)),
+        ("--time-step", |options, index| options.time = Some(index)),
+        ("--channel", |options, index| options.channel = Some(index)),
+    ];
+    for (path, plain) in with_one_of_each(folder.path()) {
+        assert!(open(&path, &plain).is_ok(), "{}: the file itself is good", path.display());
+        for (option, set) in options {
+            for index in [0, 1] {
+                let mut chosen = plain.clone();
+                set(&mut chosen, index);
+                let words =
+                    [&format!("{option} {index} cannot be chosen"), "is 1, which leaves nothing to choose"];
+                refuse(&path, &chosen, &words);
+                assert!(probe(&path, &chosen).is_err());
+
+                // What a scene records of it is read where it means the only one, and no other.
+                chosen.recorded = Recorded { layer: true, time: true, channel: true };
+                assert_eq!(open(&path, &chosen).is_ok(), index == 0, "{} {option} {index}", path.display());
+                chosen.recorded = Recorded::default();
+                assert!(open(&path, &chosen).is_err());
+            }
+        }
+    }
+
+    // Controls: where there are several, the first can be chosen, and an option counts for itself alone.
+    let layers = write(folder.path(), "l.nrrd", &[LAYERS, &[1; 120]].concat());
+    let first = OpenOptions { layer: Some(0), ..OpenOptions::default() };
+    assert!(open(&layers, &first).is_ok());
+    let recorded = Recorded { layer: true, ..Recorded::default() };
+    refuse(&layers, &OpenOptions { channel: Some(0), recorded, ..first }, &["--channel 0"]);
 }
 
 #[test]

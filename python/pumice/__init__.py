@@ -6,6 +6,10 @@
     picture.save("cells.png")
 
 Lengths of volumes are in the file's unit, those of scenes in world units; colours are scene-linear Rec. 709 unless said otherwise.
+
+`path` is a text or an `os.PathLike`. `job`, a `Job`, lets another thread cancel a call, which then raises `Cancelled`, and read how far it is. Ids of
+labels are whole numbers from 0 to 2**64 - 1: of Python, of numpy, or an array of integers. What is wrong with an argument or a file is an
+`InputError` of one line.
 """
 
 import atexit

@@ -118,7 +118,10 @@ class Job:
     """
     Progress and cancellation of one long call, for use from other threads.
     """
-    def __new__(cls, /) -> Job: ...
+    def __new__(cls, /) -> Job:
+        """
+        A job for one call.
+        """
     def cancel(self, /) -> None:
         """
         Cancels the call, which soon raises `Cancelled`.
@@ -166,6 +169,11 @@ class Mesh:
     def is_smooth(self, /) -> bool:
         """
         Whether some triangle is shaded smooth.
+        """
+    @staticmethod
+    def open(path: str | PathLike[str]) -> Mesh:
+        """
+        Reads a PLY file, as a scene's meshes are read.
         """
     def save(self, /, path: str | PathLike[str]) -> None:
         """
@@ -288,7 +296,10 @@ class Renderer:
     """
     A renderer that is kept from one picture to the next.
     """
-    def __new__(cls, /, backend: str) -> Renderer: ...
+    def __new__(cls, /, backend: str) -> Renderer:
+        """
+        A renderer on the backend of this name.
+        """
     def latest(self, /, after: SupportsIndex) -> Frame | None:
         """
         The newest frame of the picture that is rendered now, if its serial is above `after`; never waits.
@@ -358,7 +369,10 @@ class Session:
     """
     A live, progressively refined picture.
     """
-    def __new__(cls, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, denoise: bool) -> Session: ...
+    def __new__(cls, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, denoise: bool) -> Session:
+        """
+        Starts the worker. `volumes[i]` belongs to the scene's instance i, `meshes[i]` to its mesh i. `how`: a `pumice.arguments.RenderAs`.
+        """
     def _panic_on_purpose(self, /) -> None:
         """
         Makes the worker panic, for tests that clients survive it.

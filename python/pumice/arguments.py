@@ -1,12 +1,16 @@
-"""Checks integers and limits from callers, because the compiled part accepts only values that fit into its types."""
+"""Checks integers, ids and limits from callers, because the compiled part accepts only values that fit into its types."""
 
 from __future__ import annotations
 
+import json
 import numbers
 import operator
 import os
 from collections.abc import Iterable, Sequence
 from typing import Any, Literal, NamedTuple, TypedDict
+
+import numpy as np
+import numpy.typing as npt
 
 from .errors import InputError
 
@@ -76,9 +80,66 @@ def whole(name: str, value: Any, least: int, most: int) -> int:
     return number
 
 
-def ids(name: str, values: Iterable[Any]) -> list[int]:
-    """Label ids."""
-    return [whole(name, value, 0, MOST_64) for value in values]
+def ids(name: str, values: Iterable[Any] | npt.ArrayLike) -> list[int]:
+    """Label ids, from a list or an array: see `whole_numbers`."""
+    listed: list[int] = whole_numbers(name, values, MOST_64).tolist()
+    return listed
+
+
+def whole_numbers(name: str, values: Iterable[Any] | npt.ArrayLike, most: int) -> npt.NDArray[np.uint64]:
+    """Whole numbers from 0 to `most` as an array (n,), from a list of numbers of any integer type, also mixed, or an array of one.
+
+    A list is read number by number, because numpy makes floats of [2**63, 1], which round ids. Floats are refused, even whole ones, since nobody
+    can tell what they were; so are booleans, which choose rows and are no ids.
+    """
+    if not hasattr(values, "dtype"):
+        return np.array([_of_list(name, value, most) for value in values], dtype=np.uint64)  # type: ignore[union-attr]
+    given = np.asarray(values)
+    if given.ndim != 1:
+        raise InputError(f"{name}: expected a list of whole numbers, got an array of shape {given.shape}")
+    if given.dtype.kind == "O":
+        return whole_numbers(name, given.tolist(), most)
+    if given.size == 0:
+        return np.zeros(0, dtype=np.uint64)
+    if given.dtype.kind == "f":
+        raise InputError(
+            f"{name}: expected whole numbers, got {given.dtype}, which rounds ids; numpy makes it of int64 and uint64 together: convert them first"
+        )
+    if given.dtype.kind not in "iu":
+        raise InputError(f"{name}: expected whole numbers, got an array of {given.dtype}")
+    if given.min() < 0 or given.max() > most:
+        raise InputError(f"{name}: expected 0 to {most}, got {given.min() if given.min() < 0 else given.max()}")
+    return given.astype(np.uint64)
+
+
+def _of_list(name: str, value: Any, most: int) -> int:
+    if isinstance(value, bool):
+        raise InputError(f"{name}: expected a whole number, got {value!r}")
+    return whole(name, value, 0, most)
+
+
+def json_text(name: str, value: Any) -> str:
+    """The JSON form of fields, in which numpy's numbers and arrays may stand for Python's, also as keys; InputError for what JSON lacks."""
+    try:
+        try:
+            return json.dumps(value, allow_nan=False, default=_of_numpy)
+        except TypeError:
+            # Keys are not given to `default`.
+            return json.dumps(_with_plain_keys(value), allow_nan=False, default=_of_numpy)
+    except (TypeError, ValueError, RecursionError) as error:
+        raise InputError(f"{name}: {error}") from error
+
+
+def _of_numpy(value: Any) -> Any:
+    if isinstance(value, (np.generic, np.ndarray)) and value.dtype.kind in "biufO":
+        return value.tolist()
+    raise TypeError(f"expected what JSON has, got {type(value).__name__}")
+
+
+def _with_plain_keys(value: Any) -> Any:
+    if isinstance(value, dict):
+        return {int(key) if isinstance(key, np.integer) else key: _with_plain_keys(one) for key, one in value.items()}
+    return [_with_plain_keys(one) for one in value] if isinstance(value, (list, tuple)) else value
 
 
 def region(voxels: Iterable[Any]) -> tuple[int, int, int, int, int, int]:

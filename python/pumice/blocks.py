@@ -1,12 +1,16 @@
 """Cuts label arrays into blocks, so that no array is ever copied as a whole.
 
 Anything with `shape`, `dtype` and slicing is accepted: a numpy array of any order and strides, a memory map, an HDF5 or Zarr array. Axes
-are `array[x, y, z]`, and those of an `array[z, y, x]` once `Reversed` wraps it. Blocks are 64 voxels thick along the axis with the largest stride, if the array has strides.
+are `array[x, y, z]`, and those of any other order once `Transposed` wraps it.
+
+Blocks are slabs across the axis with the largest stride, which is the first one of an array without strides: 64 voxels thick, or as many whole
+chunks of a chunked array, so that each chunk is read once. A slab of more than 2²⁴ voxels is cut along its other axes too.
 """
 
 from __future__ import annotations
 
-from collections.abc import Callable, Iterator
+import math
+from collections.abc import Callable, Iterator, Sequence
 from typing import Any
 
 import numpy as np
@@ -21,24 +25,23 @@ THICKNESS = 64
 MOST_LABELS = 1 << 24
 
 
-class Reversed:
-    """An array[z, y, x] as array[x, y, z]: a view, which reads what is sliced."""
+class Transposed:
+    """An array of three axes as array[x, y, z]: a view, which reads what is sliced. `order` has the axes that are x, y and z."""
 
-    def __init__(self, array: Any) -> None:
-        self._array = array
-        self.shape = tuple(reversed(array.shape))
+    def __init__(self, array: Any, order: tuple[int, int, int]) -> None:
+        self._array, self._order = array, order
         self.dtype = array.dtype
-        strides = getattr(array, "strides", None)
-        self.strides = None if strides is None else tuple(reversed(strides))
+        self.shape, self.strides, self.chunks = ([of[axis] for axis in order] for of in (array.shape, _strides(array), _chunks(array)))
 
     def __getitem__(self, cut: tuple[slice, slice, slice]) -> npt.NDArray[Any]:
-        return np.asarray(self._array[cut[::-1]]).transpose()
+        of_array = tuple(cut[self._order.index(axis)] for axis in range(3))
+        piece: npt.NDArray[Any] = np.asanyarray(self._array[of_array])
+        return piece.transpose(self._order)
 
 
 def label_type(array: Any) -> str:
     """The name of the array's number type in volume descriptions; InputError where labels cannot be of that type."""
-    if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
-        raise InputError("array: some voxels are masked; say what they are with array.filled(0)")
+    _require_unmasked(array)
     dtype = np.dtype(array.dtype)
     if dtype.kind == "b":
         return "u8"
@@ -75,19 +78,39 @@ def _blocks(array: Any) -> Iterator[Block]:
                 origin = (x, y, z)
                 end = tuple(min(o + s, n) for o, s, n in zip(origin, steps, shape, strict=True))
                 dims = (end[0] - x, end[1] - y, end[2] - z)
-                cut = np.asarray(array[x : end[0], y : end[1], z : end[2]])
-                yield origin, dims, np.ravel(_unsigned(cut, origin), order="F")
+                cut = array[x : end[0], y : end[1], z : end[2]]
+                _require_unmasked(cut)
+                yield origin, dims, np.ravel(_unsigned(np.asarray(cut), origin), order="F")
 
 
 def _steps(array: Any, shape: tuple[int, int, int]) -> list[int]:
-    strides = getattr(array, "strides", None) or (1, 2, 3)
+    strides, chunks = _strides(array), _chunks(array)
     slow_to_fast = sorted(range(3), key=lambda axis: -abs(strides[axis]))
     steps = list(shape)
     for axis in slow_to_fast:
-        steps[axis] = min(shape[axis], THICKNESS)
+        steps[axis] = min(shape[axis], chunks[axis] * max(1, THICKNESS // chunks[axis]))
         if steps[0] * steps[1] * steps[2] <= MOST_LABELS:
             break
     return steps
+
+
+def _strides(array: Any) -> Sequence[int]:
+    """Strides of the axes. Arrays without strides lie in C order, as HDF5 and Zarr store them."""
+    strides = getattr(array, "strides", None)
+    return (3, 2, 1) if strides is None else strides
+
+
+def _chunks(array: Any) -> Sequence[int]:
+    """Voxels of a chunk along each axis; 1 for an array without chunks, and for chunks too large to be read whole."""
+    chunks: Any = getattr(array, "chunks", None)
+    if not isinstance(chunks, (tuple, list)) or len(chunks) != 3 or not all(isinstance(n, int) and n > 0 for n in chunks):
+        return 1, 1, 1
+    return chunks if math.prod(chunks) <= MOST_LABELS else (1, 1, 1)
+
+
+def _require_unmasked(array: Any) -> None:
+    if isinstance(array, np.ma.MaskedArray) and np.ma.is_masked(array):
+        raise InputError("array: some voxels are masked; say what they are with array.filled(0)")
 
 
 def _unsigned(labels: npt.NDArray[Any], origin: tuple[int, int, int]) -> npt.NDArray[Any]:
@@ -106,7 +129,9 @@ def _unsigned(labels: npt.NDArray[Any], origin: tuple[int, int, int]) -> npt.NDA
         return labels.astype(np.uint64)
     if kind == "i":
         _require(labels >= 0, labels, origin, "a label of at least 0")
-    return labels.astype(f"=u{bits // 8}", copy=False)
+    # A type that names this machine's byte order, such as zarr's `<u8`, equals the plain one, but its buffer has another format.
+    plain = np.dtype(f"=u{bits // 8}")
+    return labels.astype(plain, copy=False).view(plain)
 
 
 def _require(good: npt.NDArray[np.bool_], labels: npt.NDArray[Any], origin: tuple[int, int, int], what: str) -> None:

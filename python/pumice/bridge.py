@@ -97,8 +97,10 @@ def verify_render(
     maps. `control`: another scene for Cycles, to see that a difference is noticed. `spp`: samples per pixel of each picture, 256 or more; with
     fewer than 1024 the patterns of Cycles' own sampling tables show.
     `seconds`: no picture is begun after this time. `size`: width and height; by default at most 40,000 pixels. `lod`: 1, 4 or 16, the
-    level of detail that both draw; by default the finest that memory allows. Returns the report of `pumice verify-render --json`, of which
-    `sentence` is the verdict in words and `agreement["verdict"]` is `agrees`, `differs` or `cannot_tell`.
+    level of detail that both draw; by default the finest that memory allows. `backend`: what draws Pumice's picture, as `render` takes it.
+
+    Returns the report of `pumice verify-render --json`, of which `sentence` is the verdict in words and `agreement["verdict"]` is `agrees`,
+    `differs` or `cannot_tell`.
 
     With `maps` the report also has `maps`, the images of the page by name: float32 (height, width, 3), scene-linear, row 0 at the top.
     `pumice` and `cycles` are the mean pictures, `difference` is the first less the second, with its sign. `difference_color`,

@@ -32,7 +32,7 @@ class AnnotationTable:
         colors: npt.ArrayLike | None = None,
         columns: Mapping[str, npt.ArrayLike] | None = None,
     ) -> None:
-        listed = arguments.ids("ids", np.asarray(ids, dtype=object).ravel())
+        listed = arguments.ids("ids", ids)
         n = len(listed)
         shades: list[tuple[float, float, float] | None] = [None] * n
         if colors is not None:
@@ -91,7 +91,7 @@ class AnnotationTable:
 
     @checked
     def query(self, line: str) -> npt.NDArray[np.bool_]:
-        """Whether a query line holds, by row: see `query_labels`."""
+        """Whether a query `line` holds, by row, (n,): see `query_labels`."""
         return np.array(self._native.query(line), dtype=bool)
 
 
@@ -117,17 +117,19 @@ def query_labels(
     types: Sequence[str] | None = None,
     columns: Mapping[str, npt.ArrayLike] | None = None,
 ) -> npt.NDArray[np.bool_]:
-    """Whether a query line holds, for each row of a table; InputError names the column of a fault in the line.
+    """Whether a query `line` holds, for each row of a table, (n,); InputError names the column of a fault in the line.
+
+    The table: `ids` (n,), `names` and `types`, n texts each or none, and `columns`, n numbers each by name.
 
     All conditions, separated by spaces, must hold. A word: the name contains it, in any letters. `17 42 100-199`: ids and ranges, of which one
-    must be the row's. `type:axon`, `name:"two words"`: the type or name contains the text; `type=axon`: it is the text. `voxels>1000`: a
-    number of `columns`, or `id`, compared by < <= > >= = or !=; NaN meets no comparison. `-` or `!` in front: the condition must not hold. What
-    is in quotes is a text. An empty line and `*` hold for all rows. Whole numbers are compared exactly.
+    must be the row's. `type:axon` and `name:"two words"` ask for a type or name that contains the text, an equals sign for one that is the text.
+    `voxels>1000`: a number of `columns`, or `id`, compared by < <= > >= = or !=; NaN meets no comparison. `-` or `!` in front: the condition must
+    not hold. What is in quotes is a text. An empty line and `*` hold for all rows. Whole numbers are compared exactly.
     """
     return np.asarray(
         _native.query_labels(
             line,
-            arguments.ids("ids", np.asarray(ids, dtype=object).ravel()),
+            arguments.ids("ids", ids),
             list(names or []),
             list(types or []),
             [(name, _numbers(name, values).tolist()) for name, values in (columns or {}).items()],

@@ -2,19 +2,18 @@
 
 from __future__ import annotations
 
-import json
 from collections.abc import Sequence
 from typing import Any
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _native
+from . import _native, arguments
 from .checked import checked
 from .errors import InputError
 
 LabelFlags = tuple[npt.ArrayLike, npt.ArrayLike]
-"""Ids in rising order, and for each whether it is drawn."""
+"""Ids (n,) in rising order, and for each whether it is drawn (n,)."""
 
 
 class LabelGroups:
@@ -41,10 +40,7 @@ class LabelGroups:
             raise InputError(f"colors: expected an array (n, 3) or (n, 4), got {four.shape}")
         if four.shape[1] == 3:
             four = np.pad(four, ((0, 0), (0, 1)), constant_values=1.0)
-        try:
-            text = json.dumps(list(materials), allow_nan=False)
-        except (TypeError, ValueError) as error:
-            raise InputError(f"materials: {error}") from error
+        text = arguments.json_text("materials", list(materials))
         own = [True] * len(materials) if colored is None else [bool(one) for one in colored]
         group, color = _column("groups", groups, np.uint32), _column_of(four)
         self._native = _native.LabelGroups(_column("ids", ids, np.uint64), group, color, text, own)
@@ -60,13 +56,7 @@ def flags(visible: LabelFlags | None) -> tuple[Any, Any] | None:
 
 def _column(name: str, values: npt.ArrayLike, kind: type[np.unsignedinteger[Any]]) -> Any:
     """One column of whole numbers; InputError where a number does not fit."""
-    given = np.asarray(values)
-    if given.ndim != 1 or (given.size and given.dtype.kind not in "iu"):
-        raise InputError(f"{name}: expected a list of whole numbers, got {given.dtype} {given.shape}")
-    out = given.astype(kind, copy=False)
-    if out is not given and given.size and (out != given).any():
-        raise InputError(f"{name}: expected whole numbers from 0 to {np.iinfo(kind).max}, got {given.min()} to {given.max()}")
-    return _column_of(out)
+    return _column_of(arguments.whole_numbers(name, values, int(np.iinfo(kind).max)).astype(kind, copy=False))
 
 
 def _column_of(values: npt.NDArray[Any]) -> Any:

@@ -2,13 +2,13 @@
 
 from __future__ import annotations
 
-import os
 from collections.abc import Sequence
+from typing import Self
 
 import numpy as np
 import numpy.typing as npt
 
-from . import _native
+from . import _native, arguments
 from .arguments import Path
 from .checked import checked
 from .errors import InputError
@@ -42,10 +42,21 @@ class Mesh:
             directions = _array("normals", normals, np.float32, 3 if of_triangles else 2)
         self._native = _native.Mesh(corners, faces, chosen, directions, of_triangles)
 
+    @classmethod
+    @checked
+    def open(cls, path: Path) -> Self:
+        """Reads a PLY file, text or binary, as a scene reads the `source` of a mesh. Polygons become triangles, normals of vertices make
+        the mesh smooth, and a whole number `material_index` of a face is the index of its material. InputError says in one line what is wrong
+        with the file."""
+        mesh = cls.__new__(cls)
+        mesh._native = _native.Mesh.open(arguments.path("path", path))
+        return mesh
+
+    @checked
     def save(self, path: Path) -> None:
         """Writes a PLY file, which appears complete or not at all, and to which a scene's `meshes` may refer. Read again, it is the same mesh
         with the same `content_hash`, unless triangles have different normals at one corner: each triangle has corners of its own then."""
-        self._native.save(os.fspath(path))
+        self._native.save(arguments.path("path", path))
 
     def __repr__(self) -> str:
         corners, triangles, bytes_resident = self._native.counts()

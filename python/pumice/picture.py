@@ -138,8 +138,8 @@ class Picture:
 
     @checked
     def pick(self, x: int, y: int, *, volume: Volume | None = None) -> PickedPixel:
-        """What lies under the middle of a pixel, counted from the upper left. With the `volume` that is seen there, also the voxel that was
-        hit; None at coarser levels of detail where no voxel of the label is at the surface."""
+        """What lies under the middle of the pixel in column `x` and row `y`, counted from 0 at the upper left. With the `volume` that is seen
+        there, also the voxel that was hit; None at coarser levels of detail where no voxel of the label is at the surface."""
         height, width = self.color.shape[:2]
         column, row = arguments.whole("x", x, 0, width - 1), arguments.whole("y", y, 0, height - 1)
         told = json.loads(self._native.pick(column, row, None if volume is None else volume._native))
@@ -154,9 +154,9 @@ class Picture:
 
     @checked
     def matte(self, *, ids: Iterable[int] | None = None, types: Iterable[str] | None = None) -> Floats:
-        """The part of each pixel that the labels with these ids, or of these types, cover together, from 0 to 1: (height, width).
+        """The part of each pixel that the labels with these `ids`, or of these `types`, cover together, from 0 to 1: (height, width).
 
-        Needs the pass `cryptomatte_label` or `cryptomatte_type`. Ids that the picture does not show cover nothing.
+        Give one of the two. Needs the pass `cryptomatte_label` or `cryptomatte_type`. Ids that the picture does not show cover nothing.
         """
         if (ids is None) == (types is None):
             raise InputError("matte: expected either ids or types")
@@ -215,9 +215,9 @@ def render(
     job: Job | None = None,
     on_progress: Callable[[CurvePoint], None] | None = None,
 ) -> Picture:
-    """Renders until the first limit is reached: samples per pixel, wall seconds, estimated relative error; or until all pixels
-    rest, if the scene has `settings.adaptive`.
+    """Renders `scene` until the first limit is reached, or until all pixels rest, if the scene has `settings.adaptive`; InputError without either.
 
+    `spp`: samples per pixel, from 1. `seconds`: wall seconds. `error`: estimated relative error, such as 0.03.
     `volumes`: one for each instance in the scene's order, or by the instance's source; without them the sources are opened.
     `meshes`: one for each of the scene's meshes, in their order.
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
@@ -226,6 +226,7 @@ def render(
     `dpi`: pixels per inch that files of the picture state. `scale_bar`: a bar in the lower right corner, such as `10um` or `auto`, in a
     perspective view with its plane: `10um@center`, `auto@focus`, `10um@12.5`. `legend`: names and colours of at most so many shown labels, most
     voxels first, in the upper left corner. Both are in `save` and `srgb` and not in `color` and the passes.
+    `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
     """
     require_end(scene, spp, seconds, error)
     annotate = arguments.annotate_as(width_mm, dpi, scale_bar, legend)
@@ -266,7 +267,7 @@ def finished(native: _native.Picture) -> Picture:
 
 @checked
 def cryptomatte_hash(name: str) -> int:
-    """The hash of a name in Cryptomatte."""
+    """The hash of a `name` in Cryptomatte, a 32-bit number: of a label's id as a text, or of a type."""
     return int(_native.cryptomatte_hash(name))
 
 

@@ -48,7 +48,7 @@ class ReferencePicture:
     @classmethod
     @checked
     def of(cls, pictures: npt.ArrayLike) -> ReferencePicture:
-        """The reference of pictures (n, height, width, 3), scene-linear, two or more. They are rounded to 32-bit floats."""
+        """The reference of `pictures` (n, height, width, 3), scene-linear, two or more. They are rounded to 32-bit floats."""
         made = cls.__new__(cls)
         made._native = _native.ReferencePicture.of(_pictures(pictures))
         return made
@@ -80,7 +80,7 @@ class ReferencePicture:
 
     @checked
     def judge(self, pictures: npt.ArrayLike) -> dict[str, Any]:
-        """Tests whether pictures (n, height, width, 3) converge to exactly this one: the test of equality of the ladder of scenes.
+        """Tests whether `pictures` (n, height, width, 3) converge to exactly this one: the test of equality of the ladder of scenes.
 
         Each has a seed of its own, none of them the reference's; four or more are needed. Returns
 

@@ -39,7 +39,7 @@ class Renderer:
         job: Job | None = None,
         on_progress: Callable[[CurvePoint], None] | None = None,
     ) -> Picture:
-        """Renders until the first limit is reached; arguments as for `render`. Volumes and meshes that are the same objects as before
+        """Renders `scene` until the first limit is reached; arguments as for `render`. Volumes and meshes that are the same objects as before
         keep their hierarchies.
 
         `growing`: `latest` gives frames meanwhile, about one a second; of a large film the first ones are coarse.

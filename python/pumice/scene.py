@@ -24,7 +24,7 @@ MOST_TURNS = 100_000
 
 
 class Scene:
-    """A validated, immutable scene. To change it, edit the result of `to_dict` and build a new scene from it."""
+    """A validated, immutable scene, from its JSON form `text`. To change it, edit the result of `to_dict` and build a new scene from it."""
 
     @checked
     def __init__(self, text: str | _native.Scene) -> None:
@@ -35,18 +35,13 @@ class Scene:
     @classmethod
     @checked
     def from_dict(cls, fields: dict[str, Any]) -> Self:
-        """Builds a scene from its fields; InputError names the field at fault."""
-        try:
-            return cls(json.dumps(fields, allow_nan=False))
-        except (TypeError, ValueError) as error:
-            if isinstance(error, InputError):
-                raise
-            raise InputError(f"scene: {error}") from error
+        """Builds a scene from its `fields` (docs/scene.md); InputError names the field at fault. Numbers and arrays may be numpy's."""
+        return cls(arguments.json_text("scene", fields))
 
     @classmethod
     @checked
     def from_json(cls, text: str) -> Self:
-        """Builds a scene from its JSON form."""
+        """Builds a scene from its JSON form `text`; InputError names the field at fault, or line and column."""
         return cls(text)
 
     @classmethod
@@ -89,7 +84,9 @@ class Scene:
     def with_labels(
         self, instance: int, *, visible: LabelFlags | None = None, groups: LabelGroups | None = None
     ) -> Self:
-        """The scene with other labels drawn of the instance with this id, and other groups of its labels."""
+        """The scene with other labels drawn of the `instance` with this id, and other groups of its labels.
+
+        `visible`: ids (n,) in rising order, and for each whether it is drawn. `groups`: `LabelGroups`. Without them all stays as it is."""
         return type(self)(self._native.with_labels(instance, flags(visible), None if groups is None else groups._native))
 
     def turntable(self, count: int) -> list[Self]:
@@ -136,9 +133,11 @@ def figure(
     The keywords are the flags of `pumice render` and mean the same (docs/artists.md). Labels are named by *selectors*: an id, or a query line
     such as `"type:axon voxels>1000"`; one that matches no label is an InputError.
 
+    `size`: pixels across and down.
     `labels`, `query`: what is shown; without them all labels. `pick`: the number of long labels to choose, of those that `query` matches.
     `color`: `{17: "#e0a030", "type:axon": "#26c"}`, colours as on a screen. `material`: `plastic`, `metal`, `ghost` or `glass` for all, or a
-    dict of them by selector; the selector `*` is all. Later entries count.
+    dict of them by selector; the selector `*` is all. Later entries count. A selector that matches only labels that are not shown is an
+    InputError.
     `background`: `white`, `black`, `transparent` or a colour, exactly that in a PNG. `floor`: a floor that shows only shadows.
     `cut`: `"x=0.5"` removes what lies beyond half of the extent along x, `"-x=0.5"` the other half. `smooth`: voxels without flat faces.
     `focus`: a selector, or a distance as a float; `aperture`: `"f/2.8"`, or a radius in world units, of which a figure's diagonal has 10.

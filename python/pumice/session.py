@@ -4,7 +4,6 @@ wait for the worker, at most for a slice of some tenths of a second."""
 from __future__ import annotations
 
 import dataclasses
-import json
 from collections.abc import Sequence
 from typing import Any
 
@@ -13,7 +12,6 @@ import numpy.typing as npt
 
 from . import _native, arguments, mesh
 from .checked import checked
-from .errors import InputError
 from .labels import LabelFlags, LabelGroups, flags
 from .mesh import Mesh
 from .picture import Volumes, in_order
@@ -59,7 +57,7 @@ Frame = _native.Frame
 
 
 class Session:
-    """A live picture of a scene; volumes and meshes as for `render`. Without a limit it is refined for ever.
+    """A live picture of `scene`; arguments as for `render`. Without `spp`, `seconds` or `error` it is refined for ever.
 
     `denoise`: frames before the last are denoised (`Frame.filtered`); the last is the mean of its samples.
     """
@@ -86,24 +84,26 @@ class Session:
     @checked
     def edit(self, *edits: dict[str, Any]) -> int:
         """Applies all edits or, on an error, none, and returns the new revision at once; InputError names the field at fault."""
-        return int(self._native.edit(_text(list(edits))))
+        return int(self._native.edit(arguments.json_text("edit", list(edits))))
 
     @checked
     def set_labels(
         self, instance: int, *, visible: LabelFlags | None = None, groups: LabelGroups | None = None
     ) -> int:
-        """Chooses which labels of the instance with this id are drawn, and replaces the groups of its labels; returns the new revision."""
+        """Chooses which labels of the `instance` with this id are drawn, and replaces the groups of its labels; returns the new revision.
+
+        `visible`, `groups`: as `Scene.with_labels` takes them."""
         return int(self._native.set_labels(instance, flags(visible), None if groups is None else groups._native))
 
     @checked
     def add(self, instance: dict[str, Any], volume: Volume) -> int:
-        """Adds an instance with its volume, or replaces the one with its id; returns the new revision."""
-        return int(self._native.add(_text(instance), volume._native))
+        """Adds an `instance`, by its fields in the scene, with its `volume`, or replaces the one with its id; returns the new revision."""
+        return int(self._native.add(arguments.json_text("edit", instance), volume._native))
 
     @checked
     def add_mesh(self, fields: dict[str, Any], triangles: Mesh) -> int:
-        """Adds a mesh, by its fields in the scene, with its triangles, or replaces the one with its id; returns the new revision."""
-        return int(self._native.add_mesh(_text(fields), triangles._native))
+        """Adds a mesh, by its `fields` in the scene, with its `triangles`, or replaces the one with its id; returns the new revision."""
+        return int(self._native.add_mesh(arguments.json_text("edit", fields), triangles._native))
 
     @checked
     def latest(self, after: int = 0) -> Frame | None:
@@ -118,7 +118,7 @@ class Session:
 
     @checked
     def pick(self, x: int, y: int) -> Pick | None:
-        """What lies under the centre of a pixel of the film, counted from the upper left."""
+        """What lies under the centre of the pixel of the film in column `x` and row `y`, counted from 0 at the upper left; None where nothing is."""
         if not (0 <= x <= arguments.MOST_32 and 0 <= y <= arguments.MOST_32):
             return None
         found = self._native.pick(x, y)
@@ -149,10 +149,3 @@ class Session:
 
     def _panic_on_purpose(self) -> None:
         self._native._panic_on_purpose()
-
-
-def _text(value: Any) -> str:
-    try:
-        return json.dumps(value, allow_nan=False)
-    except (TypeError, ValueError) as error:
-        raise InputError(f"edit: {error}") from error

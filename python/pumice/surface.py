@@ -9,7 +9,7 @@ import numpy as np
 from . import _native, arguments
 from ._native import Job
 from .checked import checked
-from .volume import Faces, Volume
+from .volume import Faces, Volume, visible_rows
 
 
 @checked
@@ -22,7 +22,7 @@ def surface(
     shared_corners: bool = False,
     job: Job | None = None,
 ) -> Faces:
-    """The surface of the labels with these ids (all labels if omitted) as `Faces`, normals outward.
+    """The surface of the `labels` of a `volume` with these ids (all labels if omitted) as `Faces`, normals outward.
 
     `lod`: 1 (every voxel), 4 (cells of 4³ voxels) or 16 (boxes). `merged` makes rectangles of neighbouring faces of one label in one plane:
     a half to a quarter of the faces and the same shape, but edges may end within those of others, where a renderer's rounding can let a
@@ -31,7 +31,7 @@ def surface(
     """
     vertices, quads, rows = _native.surface(
         volume._native,
-        _visible(volume, labels),
+        visible_rows(volume, labels),
         lod=arguments.whole("lod", lod, 1, 16),
         merged=merged,
         shared_corners=shared_corners,
@@ -50,20 +50,13 @@ def count_faces(
     limit: int | None = None,
     job: Job | None = None,
 ) -> int:
-    """Number of faces that `surface` gives, without the memory for them. InputError as soon as there are more than `limit`."""
+    """Number of faces that `surface` gives, without the memory for them. InputError as soon as there are more than `limit`. `volume`, `labels`,
+    `lod` and `merged`: as for `surface`."""
     return _native.count_faces(
         volume._native,
-        _visible(volume, labels),
+        visible_rows(volume, labels),
         lod=arguments.whole("lod", lod, 1, 16),
         merged=merged,
         limit=arguments.MOST_64 if limit is None else arguments.whole("limit", limit, 0, arguments.MOST_64),
         job=job,
     )
-
-
-def _visible(volume: Volume, labels: Iterable[int] | None) -> list[bool]:
-    """Which rows of the label table are shown."""
-    visible = [labels is None] * len(volume.labels)
-    for label in [] if labels is None else arguments.ids("labels", labels):
-        visible[volume.labels.index_of(label)] = True
-    return visible

@@ -13,7 +13,7 @@ from typing import Any, Literal, Unpack
 import numpy as np
 import numpy.typing as npt
 
-from . import _native, arguments, blocks
+from . import _native, arguments, blocks, dimension_names
 from .arguments import Axes, Choice, Level, Path, Reading
 from .checked import checked
 from .errors import InputError, PumiceWarning
@@ -51,7 +51,7 @@ class LabelTable:
 
     @checked
     def index_of(self, label: int) -> int:
-        """Row of a label; InputError where the volume has none with this id."""
+        """Row of the label with the id `label`; InputError where the volume has none."""
         wanted = arguments.whole("label", label, 0, arguments.MOST_64)
         row = int(np.searchsorted(self.ids, np.uint64(wanted)))
         if row == len(self.ids) or int(self.ids[row]) != wanted:
@@ -59,8 +59,26 @@ class LabelTable:
         return row
 
     @checked
+    def rows_of(self, labels: Iterable[int] | npt.ArrayLike) -> npt.NDArray[np.intp]:
+        """Rows of labels by id, (n,), in the order of `labels`; InputError names the first id that the volume does not have.
+
+        Ids are compared exactly, where `np.searchsorted(ids, [2**53 + 1])` compares floats."""
+        wanted = arguments.whole_numbers("labels", labels, arguments.MOST_64)
+        rows = np.searchsorted(self.ids, wanted)
+        found = rows < len(self.ids)
+        found[found] = self.ids[rows[found]] == wanted[found]
+        if not found.all():
+            raise InputError(f"the volume has no label {int(wanted[found.argmin()])}")
+        return rows
+
+    @checked
+    def isin(self, labels: Iterable[int] | npt.ArrayLike) -> npt.NDArray[np.bool_]:
+        """Whether the id of each row is one of `labels`, (rows,); ids that the volume does not have change nothing. Exact, as `rows_of`."""
+        return np.isin(self.ids, arguments.whole_numbers("labels", labels, arguments.MOST_64))
+
+    @checked
     def query(self, line: str) -> npt.NDArray[np.bool_]:
-        """Whether a query line such as `glia voxels>1000` holds, by row; see `query_labels`. It may compare `voxels`, `boxes`, `low_x` to
+        """Whether a query `line` such as `glia voxels>1000` holds, by row, (n,); see `query_labels`. It may compare `voxels`, `boxes`, `low_x` to
         `high_z`, `centre_x` to `centre_z` (the middle of the bounds in the volume's world) and the names of `columns`."""
         return np.asarray(self._volume.query(line))
 
@@ -182,14 +200,14 @@ class Volume:
 
     @checked
     def save(self, path: Path, *, level: Level = "default", job: Job | None = None) -> None:
-        """Writes a `.pumice` file, which appears complete or not at all; level is fast, default or small."""
+        """Writes a `.pumice` file, which appears complete or not at all; `level` is `fast` (the largest file), `default` or `small` (the slowest)."""
         to = arguments.path("path", path)
         self._native.save(to, level, job)
         self._source = (os.path.abspath(to), arguments.ReadAs())
 
     @checked
     def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:
-        """Compares every voxel and id with a file or an array; InputError names the first difference. Keywords are as for `open`."""
+        """Compares every voxel and id with `source`, a file or an array; InputError names the first difference. Keywords are as for `open`."""
         read_as = _choice_of(source, choice)
         difference = self._native.difference(_source(source, axes=read_as.axes), job=job, read_as=read_as)
         if difference is not None:
@@ -222,7 +240,7 @@ class Volume:
 
     @checked
     def label_at(self, x: int, y: int, z: int) -> int:
-        """Id of the label at a voxel; 0 is background and everything outside."""
+        """Id of the label at the voxel `x`, `y`, `z`, counted from 0; 0 is background and everything outside."""
         if min(x, y, z) < 0 or any(i >= n for i, n in zip((x, y, z), self.dims, strict=True)):
             return 0
         return self._native.label_at(x, y, z)
@@ -241,19 +259,16 @@ class Volume:
         shared_corners: bool = False,
         job: Job | None = None,
     ) -> Faces:
-        """The exact surface of the labels with these ids (all labels if omitted): one quad per voxel face, normals outward.
+        """The exact surface of the `labels` with these ids (all labels if omitted): one quad per voxel face, normals outward.
 
-        `outside` gives the faces towards voxels that are not shown, which are all that is visible from outside; `all` also gives those
+        `interfaces`: `outside` gives the faces towards voxels that are not shown, which are all that is visible from outside; `all` also gives those
         between two shown labels, once for each. `shared_corners` gives one vertex per position instead of four per quad. Costs 68 bytes
         per quad; with shared corners 36, and some 30 more during the search for them.
         """
         if interfaces not in ("outside", "all"):
             raise InputError(f"interfaces: expected outside or all, got {interfaces!r}")
-        visible = [labels is None] * len(self.labels)
-        for label in [] if labels is None else arguments.ids("labels", labels):
-            visible[self.labels.index_of(label)] = True
         vertices, quads, rows = self._native.faces(
-            visible, all_interfaces=interfaces == "all", shared_corners=shared_corners, job=job
+            visible_rows(self, labels), all_interfaces=interfaces == "all", shared_corners=shared_corners, job=job
         )
         return Faces(np.asarray(vertices), np.asarray(quads), np.asarray(rows))
 
@@ -288,7 +303,7 @@ class CoarseSurface:
 
 @checked
 def distinct_colors(count: int, *, color_blind_safe: bool = False) -> npt.NDArray[np.float32]:
-    """Linear Rec. 709 colours, (count, 3), each as far as possible from black, white and those before it; at most 256.
+    """Linear Rec. 709 colours, (`count`, 3), each as far as possible from black, white and those before it; at most 256.
 
     With `color_blind_safe` also for eyes without red or green cones: 12 colours stay apart by a ΔE of 20 then, 256 by one of 2.
     """
@@ -328,7 +343,7 @@ def open(
 
     Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths), `axes` (the order of
     the axes of an `.npy` or `.npz` array: "xyz" or "zyx"; without it, "xyz" with a warning). Unusual things in the file that are not
-    errors cause a `PumiceWarning`.
+    errors cause a `PumiceWarning`. A keyword that leaves nothing to choose in this file is an InputError.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
     read_as = arguments.reading(reading)
@@ -339,7 +354,7 @@ def open(
 
 @checked
 def probe(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> dict[str, Any]:
-    """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings.
+    """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings. Keywords are as for `open`.
 
     Of a file that is not a `.pumice` file no voxel is read. `choices` lists what the file leaves open and no keyword says, each as a dict:
     `keyword` (`layer`, `time`, `channel`, `array` or `axes`), `what` (a sentence), `values` (dicts of `value` and `text`), `assumed` (the
@@ -364,10 +379,12 @@ def compress(
     job: Job | None = None,
     **choice: Unpack[Choice],
 ) -> Volume:
-    """Compresses a file, or an array[x, y, z] of labels of any integer type and order; floats must be whole numbers ≥ 0.
+    """Compresses `source`: a file, with keywords as for `open`, or an array[x, y, z] of labels of any integer type and order; floats must be whole
+    numbers ≥ 0.
 
     `axes="zyx"` reads an array[z, y, x], as tifffile, scikit-image and napari use it, in memory or in an `.npy` or `.npz` file. The volume's
-    axes are x, y, z all the same, in `spacing` and in `decode` too.
+    axes are x, y, z all the same, in `spacing` and in `decode` too. An array of h5py, zarr, xarray or netCDF4 that names its axes x, y and z is
+    read as they say; one that does not needs `axes`. Arrays are read in slabs and never whole.
 
     For arrays: `spacing` (three lengths) or `world_from_index` (4 × 4, voxel corners to world), `unit` (nm, um, mm, m), `names` by id.
     `types`: type by id, or the path of a CSV table id,type. `table`: names, types, colours and numbers by id, as an `AnnotationTable` or a
@@ -409,6 +426,15 @@ def compress(
     return Volume(native, (os.path.abspath(str(described)), read_as) if is_file else None)
 
 
+def visible_rows(volume: Volume, labels: Iterable[int] | None) -> list[bool]:
+    """Which rows of the label table are shown: those of the labels with these ids, or all."""
+    visible = np.full(len(volume.labels), labels is None)
+    if labels is not None:
+        visible[volume.labels.rows_of(labels)] = True
+    listed: list[bool] = visible.tolist()
+    return listed
+
+
 class _Blocks:
     """An array as the compiled part takes it: its description, and a function that delivers its blocks."""
 
@@ -430,8 +456,9 @@ def _source(
     if not hasattr(source, "dtype") or not hasattr(source, "shape"):
         raise InputError(f"source: expected a path or an array, got {type(source).__name__}")
     kind = blocks.label_type(source)
-    if axes == "zyx":
-        source = blocks.Reversed(source)
+    order = dimension_names.order_of(source, axes)
+    if order != (0, 1, 2) and len(source.shape) == 3:
+        source = blocks.Transposed(source, order)
     matrix = np.eye(4)
     if world_from_index is not None:
         if spacing is not None:

@@ -11,6 +11,7 @@ pub(crate) struct Job(pub(crate) Arc<pumice_core::Job>);
 
 #[pymethods]
 impl Job {
+    /// A job for one call.
     #[new]
     fn new() -> Self {
         Self::default()

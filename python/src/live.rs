@@ -33,6 +33,7 @@ impl Session {
 
 #[pymethods]
 impl Session {
+    /// Starts the worker. `volumes[i]` belongs to the scene's instance i, `meshes[i]` to its mesh i. `how`: a `pumice.arguments.RenderAs`.
     #[new]
     #[pyo3(signature = (scene, volumes, meshes, how, *, denoise))]
     fn new(

@@ -4,7 +4,8 @@ use std::path::PathBuf;
 use std::sync::Arc;
 
 use pumice_core::MeshData;
-use pumice_formats::write_mesh;
+use pumice_formats::{open_mesh, write_mesh};
+use pumice_session::SessionError;
 use pyo3::buffer::{Element, PyBuffer};
 use pyo3::prelude::*;
 
@@ -52,6 +53,12 @@ impl Mesh {
     /// Whether some triangle is shaded smooth.
     fn is_smooth(&self) -> bool {
         self.0.is_smooth()
+    }
+
+    /// Reads a PLY file, as a scene's meshes are read.
+    #[staticmethod]
+    fn open(py: Python<'_>, path: PathBuf) -> PyResult<Self> {
+        detached(py, || open_mesh(&path).map_err(SessionError::from)).map(|data| Self(Arc::new(data)))
     }
 
     /// Writes a PLY file, which appears complete or not at all.

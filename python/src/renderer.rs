@@ -33,6 +33,7 @@ impl Renderer {
 
 #[pymethods]
 impl Renderer {
+    /// A renderer on the backend of this name.
     #[new]
     fn new(backend: &str) -> PyResult<Self> {
         let renderer = PersistentRenderer::new(backend).map_err(IntoException::into_exception)?;

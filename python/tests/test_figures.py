@@ -100,6 +100,26 @@ def test_what_cannot_be_done_is_refused_by_name(blocks, keywords, what):
     assert "\n" not in str(refused.value)
 
 
+def test_a_look_of_labels_that_are_not_shown_is_refused_by_name(blocks, tmp_path):
+    blocks.save(tmp_path / "v.pumice")
+    part = pumice.open(tmp_path / "v.pumice", labels=[5, 9])
+    for keyword, look in (("color", "#fff"), ("material", "glass")):
+        for volume, shown, selector, said in [
+            (blocks, {"labels": [5, 9]}, 12, "label 12 is not shown; add it to labels"),
+            (blocks, {"labels": ["thin"]}, np.uint64(9), "label 9 is not shown; add it to labels"),
+            (blocks, {"query": "fibre"}, "id>9", "no label that matches id>9 is shown; the query does not match"),
+            (blocks, {"query": "thin", "pick": 1}, 9, "label 9 is not shown; pick chose others"),
+            (part, {}, 12, "label 12 is not shown; the volume was read without it"),
+        ]:
+            with pytest.raises(pumice.InputError, match=f"^{keyword}: {re.escape(said)}") as refused:
+                pumice.figure(volume, **shown, **{keyword: {5: look, selector: look}})
+            assert "\n" not in str(refused.value)
+        # Controls: what is shown, also as a part of a query, and all without a choice.
+        pumice.figure(blocks, labels=[5], **{keyword: {"fibre": look, "*": look, 5: look}})
+        pumice.figure(blocks, **{keyword: {12: look}})
+        pumice.figure(part, **{keyword: {9: look}})
+
+
 def test_a_floor_needs_no_mesh_from_the_caller(blocks):
     scene = pumice.figure(blocks, size=(48, 27), floor=True, background="transparent")
     with_floor = pumice.render(scene, blocks, spp=8, backend="cpu")

@@ -43,6 +43,77 @@ def test_what_is_no_mesh_is_refused_by_name(positions, triangles, materials, sai
     assert said in str(raised.value) and str(raised.value).startswith("mesh: ") and "\n" not in str(raised.value)
 
 
+PLY = """ply
+format ascii 1.0
+comment a square and a triangle
+element vertex 5
+property float x
+property float y
+property float z
+element face 2
+property list uchar int vertex_indices
+property int material_index
+end_header
+0 0 0
+1 0 0
+1 1 0
+0 1 0
+0 0 1
+4 0 1 2 3 0
+3 0 3 4 2
+"""
+
+
+def test_a_mesh_that_was_saved_is_opened_again(tmp_path):
+    path = tmp_path / "m.ply"
+    for mesh in (
+        pumice.Mesh(CORNERS, FACES),
+        pumice.Mesh(np.array(CORNERS) / 3, FACES, [0, 7]),
+        pumice.Mesh(CORNERS, FACES, [1, 0], normals=[[0.5, 0, 1]] * 4),
+    ):
+        mesh.save(path)
+        opened = pumice.Mesh.open(path)
+        assert isinstance(opened, pumice.Mesh) and opened.content_hash == mesh.content_hash
+        assert (opened.triangles, opened.is_smooth) == (mesh.triangles, mesh.is_smooth)
+        assert pumice.Mesh.open(str(path)).content_hash == mesh.content_hash
+    # Control: the last one has materials and normals.
+    assert pumice.Mesh.open(path).content_hash != pumice.Mesh(CORNERS, FACES).content_hash
+
+
+def test_a_mesh_of_another_program_is_the_one_of_its_numbers(tmp_path):
+    """The text is written by hand: a polygon becomes a fan of triangles about its first corner."""
+    path = tmp_path / "m.ply"
+    path.write_text(PLY)
+    corners = [[0, 0, 0], [1, 0, 0], [1, 1, 0], [0, 1, 0], [0, 0, 1]]
+    opened = pumice.Mesh.open(path)
+    assert opened.content_hash == pumice.Mesh(corners, [[0, 1, 2], [0, 2, 3], [0, 3, 4]], [0, 0, 2]).content_hash
+    assert opened.content_hash != pumice.Mesh(corners, [[0, 1, 2], [0, 2, 3], [0, 3, 4]], [0, 0, 1]).content_hash
+
+
+@pytest.mark.parametrize(
+    "text,said",
+    [
+        (None, "No such file"),
+        ("solid cube", "expected a PLY mesh"),
+        (PLY.replace("0 0 1\n4", "0 0 nan\n4"), "expected finite numbers"),
+        (PLY.replace("3 0 3 4 2", "3 0 3 9 2"), "got 9"),
+        (PLY[:-20], ""),
+        (PLY.replace("vertex 5", "vertex 99999999999"), ""),
+    ],
+)
+def test_a_file_that_is_no_mesh_is_refused_in_one_line(tmp_path, text, said):
+    path = tmp_path / "m.ply"
+    if text is not None:
+        path.write_text(text)
+    with pytest.raises(pumice.InputError) as raised:
+        pumice.Mesh.open(path)
+    assert said in str(raised.value) and "m.ply" in str(raised.value) and "\n" not in str(raised.value)
+    with pytest.raises(pumice.InputError, match="expected an ordinary file, got a device"):
+        pumice.Mesh.open("/dev/zero")
+    with pytest.raises(pumice.InputError, match="path: expected a path, got int"):
+        pumice.Mesh.open(3)
+
+
 def test_normals_make_a_mesh_smooth():
     up, bent = [0.0, 0.0, 1.0], [0.5, 0.0, 1.0]
     flat, by_corner = pumice.Mesh(CORNERS, FACES), pumice.Mesh(CORNERS, FACES, normals=[bent, bent, up, up])

@@ -100,6 +100,24 @@ def test_meshes_of_arrays_are_written_beside_the_scene(tmp_path):
     assert not (tmp_path / "t.json").exists()
 
 
+def test_an_index_that_leaves_nothing_to_choose_is_named_as_a_keyword(tmp_path):
+    np.save(tmp_path / "v.npy", LABELS)
+    for keyword in ("layer", "time", "channel"):
+        for call in (pumice.open, pumice.probe, pumice.compress):
+            for index in (0, 1):
+                with pytest.raises(pumice.InputError, match=rf"v.npy: {keyword} {index} cannot be chosen: the number of .* is 1"):
+                    call(tmp_path / "v.npy", axes="xyz", **{keyword: index})
+    # A scene that records a 0 is drawn as before.
+    volume = pumice.open(tmp_path / "v.npy", axes="xyz")
+    fields = pumice.figure(volume, size=(8, 8)).to_dict()
+    plain = pumice.render(pumice.Scene.from_dict(fields), spp=1, backend="cpu").color
+    fields["instances"][0]["reading"] |= {"layer": 0, "channel": 0}
+    assert (pumice.render(pumice.Scene.from_dict(fields), spp=1, backend="cpu").color == plain).all()
+    fields["instances"][0]["reading"]["layer"] = 1
+    with pytest.raises(pumice.InputError, match="layer"):
+        pumice.render(pumice.Scene.from_dict(fields), spp=1, backend="cpu")
+
+
 def test_an_option_that_a_file_does_not_take_is_named_as_a_keyword(tmp_path):
     pumice.compress(LABELS).save(tmp_path / "v.pumice")
     for keyword, value in {"layer": 0, "time": 0, "channel": 1, "array": "a", "spacing": (1, 2, 3), "axes": "xyz"}.items():

@@ -55,6 +55,7 @@ def made(small, tmp_path_factory):
     triangle = {"positions": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]]}
     pumice.render(scene, volume, spp=1, backend="cpu").save(folder / "p.exr")
     mesh = pumice.Mesh(**triangle)
+    mesh.save(folder / "m.ply")
     material = {"base_color": [0.5, 0.5, 0.5]}
     groups = {"ids": [1, 2], "groups": [0, 0], "colors": np.zeros((2, 3)), "materials": [material], "colored": [True]}
     labels = pumice.LabelGroups(**groups)
@@ -93,6 +94,8 @@ def made(small, tmp_path_factory):
         "Volume.faces": (volume.faces, {"labels": [1], "interfaces": "all", "shared_corners": True, "job": None}),
         "Volume.coarse_surface": (volume.coarse_surface, {"visible": [True, False], "most_faces": 100, "job": None}),
         "LabelTable.index_of": (volume.labels.index_of, {"label": 1}),
+        "LabelTable.rows_of": (volume.labels.rows_of, {"labels": [1]}),
+        "LabelTable.isin": (volume.labels.isin, {"labels": [1]}),
         "LabelTable.query": (volume.labels.query, {"line": "*"}),
         "LabelTable.auto_colors": (volume.labels.auto_colors, {"visible": [True, True], "known": np.zeros((2, 3))}),
         "AnnotationTable": (pumice.AnnotationTable, {"ids": [1, 2], "colors": np.zeros((2, 3)), **rows}),
@@ -103,6 +106,8 @@ def made(small, tmp_path_factory):
         "query_labels": (pumice.query_labels, {"line": "*", "ids": [1, 2], **rows}),
         "LabelGroups": (pumice.LabelGroups, groups),
         "Mesh": (pumice.Mesh, {**triangle, "materials": [0], "normals": [[0, 0, 1]] * 3}),
+        "Mesh.open": (pumice.Mesh.open, {"path": folder / "m.ply"}),
+        "Mesh.save": (mesh.save, {"path": "out.ply"}),
         "Scene.from_dict": (pumice.Scene.from_dict, {"fields": scene.to_dict()}),
         "Scene.from_json": (pumice.Scene.from_json, {"text": scene.to_json()}),
         "Scene.load": (pumice.Scene.load, {"path": folder / "s.json"}),
@@ -148,8 +153,9 @@ def made(small, tmp_path_factory):
 NAMES = [
     *["open", "open labels", "probe", "compress", "compress with a table", "compress a file", "distinct_colors"],
     *["Volume.save", "Volume.verify", "Volume.decode", "Volume.label_at", "Volume.faces", "Volume.coarse_surface"],
-    *["LabelTable.index_of", "LabelTable.query", "LabelTable.auto_colors", "AnnotationTable", "AnnotationTable.save"],
-    *["AnnotationTable.query", "AnnotationTable.read", "read_label_table", "query_labels", "LabelGroups", "Mesh"],
+    *["LabelTable.index_of", "LabelTable.rows_of", "LabelTable.isin", "LabelTable.query", "LabelTable.auto_colors"],
+    *["AnnotationTable", "AnnotationTable.save"],
+    *["AnnotationTable.query", "AnnotationTable.read", "read_label_table", "query_labels", "LabelGroups", "Mesh", "Mesh.open", "Mesh.save"],
     *["Scene.from_dict", "Scene.from_json", "Scene.load", "Scene.save", "Scene.with_labels", "figure", "figure of some"],
     *["render", "Renderer", "Renderer.render", "Renderer.latest", "Session", "Session.edit", "Session.set_labels"],
     *["Session.add", "Session.add_mesh", "Session.latest", "Session.pick", "Picture.save", "cryptomatte_hash"],

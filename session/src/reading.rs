@@ -7,7 +7,7 @@
 //! ```
 //! `pumice_scene::Reading` is the JSON form, `pumice_formats::OpenOptions` what the readers take.
 
-use pumice_formats::{ArrayAxes, OpenOptions, RawLayout};
+use pumice_formats::{ArrayAxes, OpenOptions, RawLayout, Recorded};
 use pumice_scene::{AxisOrder, RawVoxels, Reading, Scene};
 
 /// The options with which the source of an instance is opened: the caller's where it gives any, otherwise those of `instance`.
@@ -25,6 +25,11 @@ pub fn options_for(instance: &Reading, caller: &OpenOptions) -> OpenOptions {
         })),
         warnings: caller.warnings.clone(),
         outputs: caller.outputs.clone(),
+        recorded: Recorded {
+            layer: caller.layer.is_none(),
+            time: caller.time.is_none(),
+            channel: caller.channel.is_none(),
+        },
     }
 }
 
@@ -36,7 +41,8 @@ fn layout_of(raw: &RawVoxels) -> RawLayout {
 /// What a scene records of the options with which a volume is opened.
 pub fn recorded(options: &OpenOptions) -> Reading {
     // Taken apart by name, so that a new option cannot be forgotten here.
-    let OpenOptions { layer, time, channel, array, spacing, raw, axes, warnings: _, outputs: _ } = options;
+    let OpenOptions { layer, time, channel, array, spacing, raw, axes, warnings: _, outputs: _, recorded: _ } =
+        options;
     Reading {
         layer: *layer,
         time: *time,
@@ -95,5 +101,15 @@ mod tests {
         assert_eq!(recorded(&options_for(&said, &other)), expected);
         assert_ne!(expected, said);
         assert!(recorded(&OpenOptions::default()).is_empty());
+    }
+
+    /// What a caller says himself is told from what a scene records, option by option.
+    #[test]
+    fn what_the_scene_records_is_told_from_what_the_caller_says() {
+        let said = Reading { layer: Some(0), time: Some(0), ..Reading::default() };
+        let caller = OpenOptions { time: Some(0), ..OpenOptions::default() };
+        let together = options_for(&said, &caller).recorded;
+        assert!(together.layer && !together.time);
+        assert_eq!(caller.recorded, Recorded::default());
     }
 }

@@ -109,6 +109,21 @@ def test_what_cannot_be_done_is_refused_by_name(pumice, named, tmp_path, flags, 
     assert not list(tmp_path.iterdir())
 
 
+def test_a_look_of_what_is_not_shown_is_refused_by_name(pumice, named, tmp_path):
+    line = ["render", named, "-o", tmp_path / "p.png", *QUICK, "--spp", 1]
+    for flags, what in [
+        (["--labels", "5", "--color", "9=#fff"], "--color: label 9 is not shown; add it to labels"),
+        (["--labels", "type:axon", "--material", "type:soma=glass"], "--material: no label that matches type:soma is shown; add it to labels"),
+        (["--query", "fibre", "--color", "body=#fff"], "--color: no label that matches body is shown; the query does not match"),
+        (["--query", "id=5", "--pick", 1, "--material", "9=ghost"], "--material: label 9 is not shown; pick chose others"),
+    ]:
+        said = run(pumice, *line, *flags).refused()
+        assert what in said and not list(tmp_path.iterdir()), said
+    # Controls: of a type, a part that is shown suffices; without a choice all are.
+    run(pumice, *line, "--labels", "5", "--color", "type:axon=#fff", "--material", "*=ghost").fine()
+    run(pumice, *line, "--color", "9=#fff", "--material", "body=glass").fine()
+
+
 def test_a_picture_is_made_again_without_flags_of_a_figure(pumice, named, tmp_path):
     made = tmp_path / "made.png"
     run(pumice, "render", named, "-o", made, *QUICK, "--spp", 2, "--floor", "--background", "white", "--material", "5=glass").fine()

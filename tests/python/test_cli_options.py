@@ -45,13 +45,14 @@ OPTIONS = {
         **dict.fromkeys(["--out", "--again", "--backend", "--time", "--threads", "--json", "--save-scene", "--explain", "--no-paths"], ""),
         **dict.fromkeys(["--size", "--spp", "--error", "--noise-threshold", "--mode", "--lod", "--seed", "--transparent"], "with --again"),
         "--labels": "with --again, with --pick, and for labels that no volume has",
+        **dict.fromkeys(["--color", "--material"], "with --again, for scenes, and for labels of which none is shown"),
         "--min-spp": "with --again, and where no pixel rests",
         "--bounces": "with --again, and in modes without bounces",
         "--passes": "for a .png",
         "--half": "with --again, and for a .png",
         "--view-transform": "with --again, and for an .exr",
         **dict.fromkeys(["--query", "--background", "--smooth"], "with --again"),
-        **dict.fromkeys(["--pick", "--color", "--material", "--cut", "--floor"], "with --again, and for scenes"),
+        **dict.fromkeys(["--pick", "--cut", "--floor"], "with --again, and for scenes"),
         **dict.fromkeys(["--focus", "--aperture", "--view", "--distance", "--frame"], "with --again, and for scenes"),
         "--turntable": "with --again, with --explain, and for scenes",
         "--width-mm": "with --again, and with --size",
@@ -169,6 +170,11 @@ def test_each_kind_takes_what_it_leaves_open_and_refuses_the_rest_by_name(pumice
         else:
             line = done.refused()
             assert option in line and kind in line, line
+            # The first of one leaves nothing to choose either.
+            if VALUES[option] == "1":
+                first = [*options_of(kind, option)[:-1], "0"]
+                line = run(pumice, "info", inputs / kind, "--json", *first).refused()
+                assert f"{option} 0 cannot be chosen" in line or kind == "a.pumice" and option in line, line
 
 
 @pytest.mark.parametrize("command", ["info", "labels", "table", "render", "export", "verify-render"])
@@ -219,6 +225,13 @@ RENDERS = [
     ("a.pumice", "exr", ["--labels", "1,999"], "999"),
     ("s.json", "exr", ["--labels", "1,999"], "999"),
     ("a.nrrd", "exr", ["--labels", "0"], "label 0"),
+    ("a.nrrd", "exr", ["--layer", "0"], "--layer 0"),
+    ("s.json", "exr", ["--layer", "0"], "--layer"),
+    ("layers.nrrd", "exr", ["--layer", "0"], None),
+    ("a.pumice", "exr", ["--labels", "1,2", "--color", "3=#fff"], "--color: label 3 is not shown; add it to labels"),
+    ("a.pumice", "exr", ["--labels", "1,2", "--color", "2=#fff"], None),
+    ("a.nrrd", "exr", ["--query", "id<3", "--material", "3=glass"], "--material: label 3 is not shown; the query does not match"),
+    ("a.nrrd", "exr", ["--query", "id<3", "--material", "2-4=glass"], None),
     ("a.pumice", "exr", ["--source", "a.nrrd"], "--source"),
 ]
 

@@ -103,6 +103,31 @@ def test_two_instances_of_one_file_are_read_each_in_its_way(pumice, tmp_path):
     assert np.array_equal(drawn(pumice, scene, tmp_path / "c.exr", *SMALL)["label.index"], planes(tmp_path / "a.exr")["label.index"])
 
 
+def test_an_index_0_that_a_scene_records_is_read_where_there_is_one_volume_alone(pumice, tmp_path):
+    """Earlier versions recorded it; a caller who says it is told that it has no effect."""
+    source, scene = tmp_path / "a.nrrd", tmp_path / "s.json"
+    nrrd.write(str(source), FIRST)
+    first = drawn(pumice, source, tmp_path / "a.exr", *SMALL, "--save-scene", scene)
+    fields = json.loads(scene.read_text())
+    for reading in ({"layer": 0}, {"time": 0, "channel": 0}):
+        fields["instances"][0]["reading"] = reading
+        scene.write_text(json.dumps(fields))
+        assert same(first, drawn(pumice, scene, tmp_path / "b.exr", *SMALL))
+        # The picture has the record too.
+        run(pumice, "render", "--again", tmp_path / "b.exr", "-o", tmp_path / "c.exr").fine()
+        assert same(first, planes(tmp_path / "c.exr"))
+        run(pumice, "pick", tmp_path / "b.exr", "12,8").fine()
+        # Controls: another index is refused, and so is 0 of a caller.
+        fields["instances"][0]["reading"] = dict.fromkeys(reading, 1)
+        scene.write_text(json.dumps(fields))
+        assert "leaves nothing to choose" in run(pumice, "render", scene, "-o", tmp_path / "d.exr", *SMALL).refused()
+        fields["instances"][0]["reading"] = reading
+        scene.write_text(json.dumps(fields))
+    for subject in (source, scene):
+        line = run(pumice, "render", subject, "-o", tmp_path / "d.exr", *SMALL, "--layer", "0").refused()
+        assert "--layer 0 cannot be chosen: the number of layers is 1" in line and not (tmp_path / "d.exr").exists()
+
+
 def test_nothing_is_recorded_where_nothing_was_said(pumice, data, tmp_path):
     run(pumice, "render", data / "slicer_Segmentation.seg.nrrd", "-o", tmp_path / "a.exr", *SMALL, "--save-scene", tmp_path / "s.json").fine()
     assert "reading" not in (tmp_path / "s.json").read_text() and b'"reading"' not in (tmp_path / "a.exr").read_bytes()

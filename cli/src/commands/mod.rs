@@ -16,7 +16,7 @@ pub(crate) mod verify;
 pub(crate) mod verify_render;
 
 use pumice_core::Outputs;
-use pumice_session::{ArrayAxes, OpenOptions, RawLayout, Warnings};
+use pumice_session::{ArrayAxes, OpenOptions, RawLayout, Recorded, Warnings};
 
 use crate::args::{Axes, Reading};
 use crate::failure::warn_at_work;
@@ -45,5 +45,6 @@ fn open_options(reading: &Reading) -> OpenOptions {
         },
         warnings: Warnings::told_to(|line| warn_at_work(format_args!("warning: {line}"))),
         outputs: Outputs::default(),
+        recorded: Recorded::default(),
     }
 }

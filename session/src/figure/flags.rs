@@ -230,7 +230,10 @@ impl FigureFlags {
         let show = labels.as_ref().map_or(Show::All, |labels| {
             Show::Only(labels.iter().map(|&label| ids[label as usize]).collect())
         });
-        let style = self.style(volume)?.label_style(volume, show).map_err(|e| e.to_string())?;
+        let style = self
+            .style(volume, &shown, labels.is_some())?
+            .label_style(volume, show)
+            .map_err(|e| e.to_string())?;
 
         Ok(FigureOptions {
             size,
@@ -246,23 +249,52 @@ impl FigureFlags {
         })
     }
 
-    fn style(&self, volume: &CompressedVolume) -> Result<FigureStyle, String> {
+    /// Colours and materials. A selector of theirs that chooses none of the labels that are `shown` has no effect, and is refused;
+    /// `is_chosen` says whether flags chose these, or the volume was read without the others.
+    fn style(
+        &self,
+        volume: &CompressedVolume,
+        shown: &[u32],
+        is_chosen: bool,
+    ) -> Result<FigureStyle, String> {
+        let mut is_shown = vec![false; volume.labels().len()];
+        shown.iter().for_each(|&label| is_shown[label as usize] = true);
+        let labels_of = |flag: &str, selector: &Selector| {
+            let labels = selector.labels_in(volume).map_err(|e| format!("{flag}: {e}"))?;
+            if labels.iter().any(|&label| is_shown[label as usize]) {
+                return Ok(labels);
+            }
+            Err(format!("{flag}: {}; {}", selector.is_not_shown(), self.how_to_show(is_chosen)))
+        };
         let mut style = FigureStyle::default();
         for LabelPreset { selector, preset } in &self.material {
             match selector {
                 // What is said of all replaces what was said of some before.
                 None => (style.common, style.presets) = (*preset, BTreeMap::new()),
                 Some(selector) => {
-                    let labels = selector.labels_in(volume).map_err(|e| format!("material: {e}"))?;
+                    let labels = labels_of("material", selector)?;
                     style.presets.extend(labels.into_iter().map(|label| (label, *preset)));
                 }
             }
         }
         for LabelColor { selector, color_srgb } in &self.color {
-            let labels = selector.labels_in(volume).map_err(|e| format!("color: {e}"))?;
+            let labels = labels_of("color", selector)?;
             style.colors_srgb.extend(labels.into_iter().map(|label| (label, *color_srgb)));
         }
         Ok(style)
+    }
+
+    /// How to show a label that is not shown, for whoever gave these flags.
+    fn how_to_show(&self, is_chosen: bool) -> &'static str {
+        if self.pick.is_some() {
+            "pick chose others: name in labels what to show, instead of pick"
+        } else if self.query.is_some() {
+            "the query does not match: name in labels what to show, which takes ids and queries"
+        } else if is_chosen {
+            "add it to labels"
+        } else {
+            "the volume was read without it"
+        }
     }
 
     fn lens(&self, volume: &CompressedVolume) -> Result<Option<Lens>, String> {
@@ -340,6 +372,29 @@ mod tests {
         );
         assert!(figure(&[("labels", "7"), ("cut", "x=0.5")]).is_ok());
         assert!(figure(&[("floor", ""), ("view", "0,-5")]).unwrap_err().starts_with("floor: "));
+    }
+
+    #[test]
+    fn a_look_of_labels_that_are_not_shown_is_refused_by_name() {
+        let refused = |flags: &[(&str, &str)]| figure(flags).unwrap_err();
+        for (flag, look) in [("color", "#fff"), ("material", "glass")] {
+            let of = |selector: &str| format!("{selector}={look}");
+            let line = refused(&[("labels", "3,9"), (flag, &of("7"))]);
+            assert!(line.starts_with(&format!("{flag}: label 7 is not shown; add it to labels")), "{line}");
+            let line = refused(&[("query", "axon"), (flag, &of("id=7"))]);
+            let expected = format!("{flag}: no label that matches id=7 is shown; the query does not match");
+            assert!(line.starts_with(&expected), "{line}");
+            let line = refused(&[("query", "axon"), ("pick", "1"), (flag, &of("9"))]);
+            assert!(line.starts_with(&format!("{flag}: label 9 is not shown; pick chose others")), "{line}");
+            // Of several, the one without effect is refused.
+            assert!(refused(&[("labels", "3"), (flag, &of("3")), (flag, &of("9"))]).contains("label 9"));
+
+            // Controls: the same look of what is shown, of all of a query of which a part is shown, and where all labels are.
+            assert!(figure(&[("labels", "3,9"), (flag, &of("9"))]).is_ok());
+            assert!(figure(&[("labels", "3"), (flag, &of("axon"))]).is_ok());
+            assert!(figure(&[("labels", "3"), (flag, &of("*"))]).is_ok());
+            assert!(figure(&[(flag, &of("7"))]).is_ok());
+        }
     }
 
     #[test]

@@ -83,6 +83,14 @@ impl Selector {
         if labels.is_empty() { Err(self.matches_nothing("the volume")) } else { Ok(labels) }
     }
 
+    /// The error about a selector that chooses only labels that are not shown.
+    pub(super) fn is_not_shown(&self) -> String {
+        match &self.chooses {
+            Chooses::Id(id) => format!("label {id} is not shown"),
+            Chooses::Query(_) => one_line(&format!("no label that matches {} is shown", self.text)),
+        }
+    }
+
     /// The error about a selector that chooses nothing of `what`.
     pub fn matches_nothing(&self, what: &str) -> String {
         match &self.chooses {
