@@ -146,7 +146,8 @@ def world_bounds(surface, near):
 
 def meeting(first, second, near):
     """Pairs of faces of two surfaces that lie in one plane and overlap: indices in `first` and in `second`, whether they look the same way,
-    and whether they have the same corners."""
+    and whether they have the same corners. A face that is turned in the plane counts with its bounds; to move one face too many by a
+    thousandth of a voxel changes nothing."""
     volume = [abs(np.linalg.det(s.place[:3, :3])) for s in (first, second)]
     larger, smaller = (first, second) if volume[0] >= volume[1] else (second, first)
     matrix = np.linalg.inv(larger.place) @ smaller.place
@@ -185,7 +186,8 @@ def overlapping(one, other):
     if len(one) == 0 or len(other) == 0:
         return none, none
     # Leave out what is in no plane of the other list, or outside of its bounds.
-    low, high = np.maximum(one[:, :3].min(axis=0), other[:, :3].min(axis=0)), np.minimum(one[:, [0, 3, 4]].max(axis=0), other[:, [0, 3, 4]].max(axis=0))
+    low = np.maximum(one[:, :3].min(axis=0), other[:, :3].min(axis=0))
+    high = np.minimum(one[:, [0, 3, 4]].max(axis=0), other[:, [0, 3, 4]].max(axis=0))
     span = [int(n) for n in np.maximum(high - low + 1, 1)]
     if span[0] * span[1] * span[2] >= 2**62:
         raise SystemExit(f"volumes that touch: expected fewer than 2^62 cells where two of them meet, got {span[0]} x {span[1]} x {span[2]}")
