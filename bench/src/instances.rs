@@ -1,8 +1,10 @@
 //! Measures the cost of many instances: CPU seconds per sample when a ray tests one instance after another, and when a hierarchy over the
-//! instances finds them.
+//! instances finds them; and of instances of glass, with and without the short rays that ask at each surface that a path leaves whether
+//! another volume begins there (`cpu-renderer/src/crossing.rs`).
 //!
 //! Copies of 32 long labels of a volume, or of a ball of 2,048 triangles, lie side by side on a square, each rotated differently, and are
-//! seen obliquely from above, under a constant sky with three bounces. Both ways must render the same film, bit for bit. Times are CPU
+//! seen obliquely from above, under a constant sky with three bounces, those of glass with eight. Both ways must render the same film, bit
+//! for bit: the copies stand apart, so the short rays find nothing, and what they cost is all that they change. Times are CPU
 //! seconds of the process, the least of several samples; the two ways take turns.
 
 use std::path::{Path, PathBuf};
@@ -19,7 +21,7 @@ use pumice_scene::{Camera, Film, Filter, Material, Projection, Settings};
 use pumice_session::error::{Result, SessionError};
 use pumice_session::selection::select_labels;
 use pumice_session::{Residence, open_volume};
-use pumice_transport::geometry::LodChoice;
+use pumice_transport::geometry::{Contacts, LodChoice, Placement};
 use pumice_transport::{Lights, MaterialTable, Sky};
 use serde::Serialize;
 
@@ -78,6 +80,8 @@ pub struct InstanceCost {
     pub in_turn_cpu_seconds: f64,
     /// CPU seconds per sample if rays find instances through a hierarchy.
     pub by_tree_cpu_seconds: f64,
+    /// CPU seconds per sample of instances of glass, without and with short rays; `None` for meshes, which need none.
+    pub glass_cpu_seconds: Option<[f64; 2]>,
     /// CPU seconds of building the hierarchy over the instances.
     pub tree_build_cpu_seconds: f64,
     /// Bytes of that hierarchy.
@@ -107,6 +111,18 @@ enum Shape {
 }
 
 impl Shape {
+    /// Centres a copy and scales its longest side to 1.
+    fn unit(&self) -> DAffine3 {
+        match self {
+            Self::Volume(volume) => {
+                let dims = DVec3::from(volume.info().dims.map(f64::from));
+                DAffine3::from_scale(DVec3::splat(1.0 / dims.max_element()))
+                    * DAffine3::from_translation(-0.5 * dims)
+            }
+            Self::Mesh(_) => DAffine3::IDENTITY,
+        }
+    }
+
     /// A scene with a copy at each of these places. Each copy is centred and its longest side is at most 1.
     fn copies(&self, places: &[DAffine3]) -> Result<SceneTracer> {
         let numbered = || (0u32..).zip(places);
@@ -114,9 +130,7 @@ impl Shape {
             Self::Volume(volume) => {
                 let mut visible = vec![false; volume.labels().len()];
                 select_labels(volume, 32).into_iter().for_each(|label| visible[label as usize] = true);
-                let dims = DVec3::from(volume.info().dims.map(f64::from));
-                let unit = DAffine3::from_scale(DVec3::splat(1.0 / dims.max_element()))
-                    * DAffine3::from_translation(-0.5 * dims);
+                let unit = self.unit();
                 let (volume, world_from_index, lod) = (Arc::clone(volume), unit, LodChoice::Voxels);
                 let first = VolumeTracer::new(0, &TracedInstance { volume, world_from_index, visible, lod })?;
                 let mut copies = Vec::new();
@@ -184,16 +198,49 @@ fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<Instanc
     let ((by_tree, _), building) = clocked(|| Ok(copies.with_tree(1)?))?;
     let (tree_bytes, hierarchy_bytes) = (by_tree.tree().map_or(0, |tree| tree.bytes()), by_tree.bytes());
 
-    // Render both ways in turn, with fewer samples the longer a sample takes.
+    // Render both ways.
     let material = Material { base_color: [0.7; 3], specular: 0.0, roughness: 1.0, ..Material::default() };
-    let materials = Arc::new(MaterialTable::same(material));
-    let around = Surroundings {
+    let around = |material, bounces| Surroundings {
         lights: Arc::new(Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None)),
-        materials: vec![materials; count].into(),
-        settings: Settings { bounces: 3, ..Settings::default() },
+        materials: vec![Arc::new(MaterialTable::same(material)); count].into(),
+        settings: Settings { bounces, ..Settings::default() },
     };
-    let way = |tracer| PathTracer::new(tracer, around.clone(), &camera, &film);
-    let mut ways = [way(shape.copies(&places)?)?, way(by_tree)?];
+    let dull = around(material, 3);
+    let way = |tracer, around: &Surroundings| PathTracer::new(tracer, around.clone(), &camera, &film);
+    let what = format!("{name}, {count} instances");
+    let ways = [way(shape.copies(&places)?, &dull)?, way(by_tree, &dull)?];
+    let [in_turn, by_tree] = in_turns(ways, &format!("{what}, with and without a hierarchy over them"), job)?;
+
+    // The same of glass, without and with contacts.
+    let mut glass_cpu_seconds = None;
+    if let Shape::Volume(_) = shape {
+        let glass =
+            Material { base_color: [0.9; 3], transmission: 1.0, roughness: 0.0, ior: 1.3, ..material };
+        let glass = around(glass, 8);
+        let copies = || -> Result<SceneTracer> {
+            Ok(shape.copies(&places)?.with_tree(pumice_scene::INSTANCES_OF_A_TREE)?.0)
+        };
+        // Each copy is a body of its own. (A copy that could not be placed would have been refused above.)
+        let placements = places.iter().filter_map(|place| Placement::new(*place * shape.unit()));
+        let contacts = Contacts::of(placements, (0..count as u32).collect());
+        let ways = [way(copies()?, &glass)?, way(copies()?.with_contacts(Some(contacts)), &glass)?];
+        let what = format!("{what} of glass, with and without contacts");
+        glass_cpu_seconds = Some(in_turns(ways, &what, job)?);
+    }
+    Ok(InstanceCost {
+        what: name.to_owned(),
+        count,
+        in_turn_cpu_seconds: in_turn,
+        by_tree_cpu_seconds: by_tree,
+        glass_cpu_seconds,
+        tree_build_cpu_seconds: building.cpu_seconds,
+        tree_bytes,
+        hierarchy_bytes,
+    })
+}
+
+/// The least CPU seconds per sample of two ways to render the same film, which take turns: fewer samples, the longer a sample takes.
+fn in_turns(mut ways: [PathTracer<SceneTracer>; 2], what: &str, job: &Job) -> Result<[f64; 2]> {
     let mut least = [f64::INFINITY; 2];
     let mut spent = 0.0;
     for sample in 1..=MOST_SAMPLES {
@@ -205,21 +252,11 @@ fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<Instanc
             break;
         }
     }
-    let [in_turn, by_tree] = &ways;
-    if in_turn.film().sums() != by_tree.film().sums() {
-        return Err(SessionError::Caller(format!(
-            "{name}, {count} instances: the film with a hierarchy over instances differs from the film without"
-        )));
+    let [one, other] = &ways;
+    if one.film().sums() != other.film().sums() {
+        return Err(SessionError::Caller(format!("{what}: the films differ")));
     }
-    Ok(InstanceCost {
-        what: name.to_owned(),
-        count,
-        in_turn_cpu_seconds: least[0],
-        by_tree_cpu_seconds: least[1],
-        tree_build_cpu_seconds: building.cpu_seconds,
-        tree_bytes,
-        hierarchy_bytes,
-    })
+    Ok(least)
 }
 
 impl Row for InstanceCost {
@@ -229,11 +266,18 @@ impl Row for InstanceCost {
             ("instances", self.count.to_string()),
             ("in turn, CPU s a sample", format!("{:.5}", self.in_turn_cpu_seconds)),
             ("by a hierarchy, CPU s a sample", format!("{:.5}", self.by_tree_cpu_seconds)),
+            ("of glass, CPU s a sample", seconds_of(self.glass_cpu_seconds.map(|[without, _]| without))),
+            ("of glass in contact, CPU s a sample", seconds_of(self.glass_cpu_seconds.map(|[_, with]| with))),
             ("building it, CPU s", format!("{:.6}", self.tree_build_cpu_seconds)),
             ("its bytes", self.tree_bytes.to_string()),
             ("all hierarchies, bytes", self.hierarchy_bytes.to_string()),
         ]
     }
+}
+
+/// Seconds as a cell, a dash where there are none.
+fn seconds_of(seconds: Option<f64>) -> String {
+    seconds.map_or_else(|| "–".to_owned(), |seconds| format!("{seconds:.5}"))
 }
 
 #[cfg(test)]
@@ -246,5 +290,13 @@ mod tests {
         let cost = measure("mesh", &shape, 5, &Job::new()).unwrap();
         assert!(cost.count == 5 && cost.tree_bytes > 0 && cost.hierarchy_bytes > cost.tree_bytes, "{cost:?}");
         assert!(cost.in_turn_cpu_seconds > 0.0 && cost.by_tree_cpu_seconds > 0.0, "{cost:?}");
+        assert_eq!((cost.glass_cpu_seconds, cost.cells()[4].1.as_str()), (None, "–"));
+    }
+
+    #[test]
+    fn a_volume_of_glass_is_measured_with_and_without_contacts() {
+        let (_, blobs) = pumice_oracle::volumes::blobs([12, 12, 12], 6, 4, 3);
+        let cost = measure("blobs", &Shape::Volume(blobs), 3, &Job::new()).unwrap();
+        assert!(cost.glass_cpu_seconds.unwrap().iter().all(|&seconds| seconds > 0.0), "{cost:?}");
     }
 }

@@ -1,7 +1,8 @@
 //! `pumice bench` as a separate program: `cargo run --release -p pumice-bench -- NAME`.
 #![forbid(unsafe_code)]
 
-use std::io;
+use std::fmt::Display;
+use std::io::{self, Write};
 use std::process::ExitCode;
 use std::sync::Arc;
 
@@ -30,16 +31,18 @@ fn main() -> ExitCode {
         watched.cancel();
     });
     if let Err(error) = handler {
-        eprintln!("pumice-bench: Ctrl-C cannot be handled here: {error}");
-        return ExitCode::from(2);
+        return refused(format_args!("Ctrl-C cannot be handled here: {error}"));
     }
     match cli.bench.run(&job, &mut io::stdout()) {
         Ok(Outcome::Holds) => ExitCode::SUCCESS,
         Ok(Outcome::Missed) => ExitCode::from(1),
         Err(BenchError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
-        Err(error) => {
-            eprintln!("pumice-bench: {}", one_line(&error.to_string()));
-            ExitCode::from(2)
-        }
+        Err(error) => refused(error),
     }
+}
+
+/// Says on standard error, in one line, why the bench ends; the exit code. (Where standard error takes no line, the code alone tells.)
+fn refused(why: impl Display) -> ExitCode {
+    let _ = writeln!(io::stderr(), "pumice-bench: {}", one_line(&why.to_string()));
+    ExitCode::from(2)
 }

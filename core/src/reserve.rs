@@ -3,7 +3,8 @@
 //!
 //! ```text
 //! check_room         compares with what the system has left    Linux grants more than it has, and then ends the process
-//! reserved, zeroed   ask the allocator                         limits of the process, and systems that grant only what they have
+//! reserved, zeroed,  ask the allocator                         limits of the process, and systems that grant only what they have
+//! make_room
 //! ```
 
 use std::path::Path;
@@ -92,6 +93,22 @@ pub fn zeroed<T: Zeroable>(count: usize, what: &str) -> Result<Vec<T>, NoMemory>
         .map_err(|()| NoMemory::Refused { what: what.to_owned(), needed_bytes })
 }
 
+/// Makes room at the end of a list whose length nobody knows beforehand, for `more` elements. A full list doubles its room, as with
+/// [`Vec::reserve`].
+///
+/// # Errors
+/// As [`reserved`], with what the list needs with its new room; the list stays as it is.
+pub fn make_room<T>(list: &mut Vec<T>, more: usize, what: &str) -> Result<(), NoMemory> {
+    if list.capacity() - list.len() >= more {
+        return Ok(());
+    }
+    let room = list.len().saturating_add(more).max(list.capacity().saturating_mul(2));
+    let needed_bytes = bytes_of::<T>(room);
+    check_room(what, needed_bytes)?;
+    list.try_reserve_exact(room - list.len())
+        .map_err(|_| NoMemory::Refused { what: what.to_owned(), needed_bytes })
+}
+
 /// A number of bytes for people: `812 B`, `6.3 MB`, `54.1 GB`, in powers of 1000.
 pub fn size_text(bytes: u64) -> String {
     let (mut value, mut unit) = (bytes as f64, "B");
@@ -118,6 +135,21 @@ mod tests {
     }
 
     #[test]
+    fn a_list_that_grows_doubles_and_keeps_what_it_has() {
+        let mut list: Vec<u32> = Vec::new();
+        let mut rooms = std::collections::BTreeSet::new();
+        for number in 0..1000 {
+            make_room(&mut list, 1, "a list").unwrap();
+            assert!(list.capacity() > list.len());
+            rooms.insert(list.capacity());
+            list.push(number);
+        }
+        assert!(list.iter().copied().eq(0..1000) && rooms.len() <= 11, "{rooms:?}");
+        make_room(&mut list, 5000, "a list").unwrap();
+        assert!(list.capacity() >= 6000 && list.len() == 1000);
+    }
+
+    #[test]
     fn what_no_machine_has_is_an_error_that_says_how_much() {
         // 2⁵⁹ bytes: more than any machine has, less than what an allocator's interface can express.
         for error in [
@@ -129,6 +161,9 @@ mod tests {
             assert!(text.starts_with("a list needs 576.5 PB of memory, "), "{text}");
             assert!(!text.contains('\n'), "{text}");
         }
+        let mut list = vec![7u64; 3];
+        let grown = make_room(&mut list, 1 << 56, "a list").unwrap_err().to_string();
+        assert!(grown.starts_with("a list needs 576.5 PB of memory, ") && list == [7; 3], "{grown}");
         let beyond = reserved::<u64>(usize::MAX, "a list").unwrap_err();
         assert!(beyond.to_string().starts_with("a list needs 18.4 EB of memory"), "{beyond}");
     }

@@ -281,10 +281,13 @@ impl Renderer for CpuRenderer {
         let around = Surroundings { lights: lit, materials, settings: *settings };
         let keeps_film = [plan.film, plan.sums] == [Reuse::Keep; 2];
         let mut tracer = match self.shown.take_if(|_| keeps_film) {
-            Some(Shown { mut tracer, .. }) => {
+            Some(mut former) => {
                 let camera = plan.camera.is_build().then(|| CameraRays::new(camera, film));
-                tracer.restart(geometry, around, camera);
-                tracer
+                if let Err(error) = former.tracer.restart(geometry, around, camera) {
+                    self.shown = Some(former);
+                    return Err(error);
+                }
+                former.tracer
             }
             // A film that does not fit leaves the previous scene as it is.
             None => PathTracer::new(geometry, around, camera, film)?,

@@ -40,7 +40,7 @@ impl<T: Tracer> PathTracer<T> {
     pub fn new(tracer: T, around: Surroundings, camera: &Camera, film: &Film) -> Result<Self, RenderError> {
         let kept = PassSums::of(film, around.materials.iter().any(|materials| materials.catches()));
         let mut buffer = FilmBuffer::with_passes(film.width, film.height, kept)?;
-        buffer.rest_by(around.settings.adaptive);
+        buffer.rest_by(around.settings.adaptive)?;
         Ok(Self {
             tracer,
             around,
@@ -59,12 +59,21 @@ impl<T: Tracer> PathTracer<T> {
     }
 
     /// Restarts the picture on the same film, with new surroundings and, if given, a new camera.
-    pub fn restart(&mut self, tracer: T, around: Surroundings, camera: Option<CameraRays>) {
+    ///
+    /// # Errors
+    /// [`RenderError::Memory`] where there is none to keep which pixels rest; the picture stays as it is.
+    pub fn restart(
+        &mut self,
+        tracer: T,
+        around: Surroundings,
+        camera: Option<CameraRays>,
+    ) -> Result<(), RenderError> {
+        self.film.rest_by(around.settings.adaptive)?;
         self.tracer = tracer;
         self.around = around;
         self.rays = camera.unwrap_or(self.rays);
-        self.film.rest_by(self.around.settings.adaptive);
         self.seconds_a_sample = 0.0;
+        Ok(())
     }
 
     /// The geometry.

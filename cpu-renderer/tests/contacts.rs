@@ -143,37 +143,47 @@ fn materials() -> Vec<Material> {
     vec![tinted(1.5), color, tinted(1.3), Material { alpha: 0.5, ..color }]
 }
 
+/// Compares [`packed`] in this place with the same labels in several instances: each list has the labels of one.
+fn check_split(place: DAffine3, split: &[Vec<usize>]) {
+    let volume = packed();
+    let whole = part(&volume, place, 0);
+    let parts: Vec<Part> = (0u32..)
+        .zip(split)
+        .map(|(body, labels)| {
+            let mut part = part(&volume, place, body);
+            for (label, visible) in part.traced.visible.iter_mut().enumerate() {
+                *visible = labels.contains(&label);
+            }
+            part
+        })
+        .collect();
+    let around = around(Vec3::new(0.5, 0.7, 1.0), vec![materials(); parts.len()]);
+    let one = scene(&[whole], true);
+    // Random numbers are the same and positions differ by rounding alone, but a choice between two numbers may go the other way.
+    let tree = || scene(&parts, true).with_tree(1).unwrap().0;
+    for (name, in_parts) in [("in turn", scene(&parts, true)), ("by the tree", tree())] {
+        let share = unlike([&one, &in_parts], [&around, &around], place, 12.0);
+        assert!(share < 0.005, "{place:?}, {split:?}, {name}: {share} of the samples differ");
+    }
+    // Negative control: instances that know nothing of each other.
+    let share = unlike([&one, &scene(&parts, false)], [&around, &around], place, 12.0);
+    assert!(share > 0.05, "{place:?}, {split:?}: {share} of the samples tell the instances");
+}
+
 #[test]
 fn labels_split_among_instances_look_as_in_one() {
-    let volume = packed();
-    let sky = Vec3::new(0.5, 0.7, 1.0);
-    for (place, split) in [
-        (DAffine3::IDENTITY, vec![vec![0], vec![1], vec![2, 3]]),
-        (slanted(), vec![vec![0, 3], vec![1], vec![2]]),
-        (slanted(), vec![vec![3], vec![2], vec![1], vec![0]]),
-    ] {
-        let whole = part(&volume, place, 0);
-        let parts: Vec<Part> = (0u32..)
-            .zip(&split)
-            .map(|(body, labels)| {
-                let mut part = part(&volume, place, body);
-                for (label, visible) in part.traced.visible.iter_mut().enumerate() {
-                    *visible = labels.contains(&label);
-                }
-                part
-            })
-            .collect();
-        let around = around(sky, vec![materials(); parts.len()]);
-        let one = scene(&[whole], true);
-        // Random numbers are the same and positions differ by rounding alone, but a choice between two numbers may go the other way.
-        let tree = || scene(&parts, true).with_tree(1).unwrap().0;
-        for (name, in_parts) in [("in turn", scene(&parts, true)), ("by the tree", tree())] {
-            let share = unlike([&one, &in_parts], [&around, &around], place, 12.0);
-            assert!(share < 0.005, "{split:?}, {name}: {share} of the samples differ");
-        }
-        // Negative control: instances that know nothing of each other.
-        let share = unlike([&one, &scene(&parts, false)], [&around, &around], place, 12.0);
-        assert!(share > 0.05, "{split:?}: {share} of the samples tell the instances");
+    check_split(DAffine3::IDENTITY, &[vec![0], vec![1], vec![2, 3]]);
+    check_split(slanted(), &[vec![0, 3], vec![1], vec![2]]);
+    check_split(slanted(), &[vec![3], vec![2], vec![1], vec![0]]);
+}
+
+/// Voxels of 4 nm in a world of metres, and of 300 km: no distance along a ray is fixed.
+#[test]
+fn labels_split_among_instances_look_as_in_one_at_any_scale() {
+    for scale in [2e-8, 1e6] {
+        let place =
+            DAffine3 { matrix3: slanted().matrix3 * scale, translation: slanted().translation * scale };
+        check_split(place, &[vec![0, 3], vec![1], vec![2]]);
     }
 }
 

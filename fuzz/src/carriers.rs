@@ -22,7 +22,8 @@ pub fn put(path: &Path, input: &[u8]) -> bool {
     match carrier % COUNT {
         0 => std::str::from_utf8(text).is_ok_and(|text| put_png(path, text, false)),
         1 => {
-            let repeated = text.first().map(|&byte| vec![byte; usize::from(*times) << 19]).unwrap_or_default();
+            let repeated =
+                text.first().map(|&byte| vec![byte; usize::from(*times) << 19]).unwrap_or_default();
             let text = [repeated.as_slice(), text].concat();
             std::str::from_utf8(&text).is_ok_and(|text| put_png(path, text, true))
         }
@@ -33,11 +34,13 @@ pub fn put(path: &Path, input: &[u8]) -> bool {
 /// A PNG of one pixel with the text in an `iTXt` chunk.
 fn put_png(path: &Path, text: &str, compressed: bool) -> bool {
     let mut bytes = Vec::new();
-    let mut encoder = png::Encoder::new(&mut bytes, 1, 1);
+    let encoder = png::Encoder::new(&mut bytes, 1, 1);
     let mut chunk = png::text_metadata::ITXtChunk::new("pumice", text);
     chunk.compressed = compressed;
     let is_written = encoder.write_header().is_ok_and(|mut writer| {
-        writer.write_text_chunk(&chunk).is_ok() && writer.write_image_data(&[0]).is_ok() && writer.finish().is_ok()
+        writer.write_text_chunk(&chunk).is_ok()
+            && writer.write_image_data(&[0]).is_ok()
+            && writer.finish().is_ok()
     });
     std::fs::write(path, bytes).unwrap();
     is_written
@@ -45,7 +48,9 @@ fn put_png(path: &Path, text: &str, compressed: bool) -> bool {
 
 /// An EXR of one pixel with the text as an attribute.
 fn put_exr(path: &Path, text: &[u8]) -> bool {
-    use exr::prelude::{AttributeValue, Encoding, Image, Layer, LayerAttributes, SpecificChannels, Text, Vec2, WritableImage};
+    use exr::prelude::{
+        AttributeValue, Encoding, Image, Layer, LayerAttributes, SpecificChannels, Text, Vec2, WritableImage,
+    };
     let Some(text) = std::str::from_utf8(text).ok().and_then(Text::new_or_none) else { return false };
     let mut attributes = LayerAttributes::default();
     attributes.other.insert(Text::from("pumice"), AttributeValue::Text(text));

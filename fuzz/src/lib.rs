@@ -8,6 +8,7 @@
 //! Without correct checksums nearly every input would be refused at a checksum.
 
 pub mod allocator;
+pub mod carried_scene;
 pub mod carriers;
 pub mod checksums;
 pub mod files;

@@ -13,7 +13,7 @@ use pumice_formats::write::write_volume;
 use pumice_picture::{Image, Pass, Passes, Picture, Provenance, write_exr, write_png};
 use pumice_scene::Scene;
 
-use crate::{carriers, scratch};
+use crate::scratch;
 
 /// Writes a target's seeds if `PUMICE_FUZZ_SEEDS` is set.
 ///
@@ -165,7 +165,8 @@ pub fn raw_volumes() -> Vec<Vec<u8>> {
     vec![plain, wide, float]
 }
 
-const SCENE: &str = r#"{
+/// A scene of few fields.
+pub const SCENE: &str = r#"{
   "version": 1,
   "instances": [{
     "id": 7, "source": "a.pumice", "world_from_index": [1, 0, 0, 0, 0.1, 0, 0, 0, 1e-9, -4, 5, 6],
@@ -184,33 +185,6 @@ const SCENE: &str = r#"{
 pub fn scenes() -> Vec<Vec<u8>> {
     let whole = Scene::from_json(SCENE).unwrap().to_json().unwrap();
     vec![SCENE.into(), whole.into()]
-}
-
-/// Inputs of the target `carried_scene`: how a picture carries the text, then the text. Besides Pumice's own: the largest film, and texts that
-/// are much longer inflated than deflated.
-pub fn carried_scenes() -> Vec<Vec<u8>> {
-    let provenance = Provenance {
-        version: "0.1.0".into(),
-        backend: "cpu".into(),
-        scene: Scene::from_json(SCENE).unwrap(),
-        volume_hashes: vec!["0123456789abcdef0123456789abcdef".into()],
-        mesh_hashes: Vec::new(),
-        spp: 64,
-        error_estimate: Some(0.01),
-    };
-    let mut huge = provenance.clone();
-    (huge.scene.film.width, huge.scene.film.height, huge.scene.film.passes) = (65_536, 16_384, Passes::ALL);
-    let texts = [&provenance, &huge].map(|p| serde_json::to_vec(p).unwrap());
-    let long = [vec![b' '; 4000], texts[0].clone()].concat();
-    let mut seeds = Vec::new();
-    for text in [&texts[0], &texts[1], &long] {
-        for carrier in 0..carriers::COUNT {
-            seeds.push([&[carrier, 0][..], text].concat());
-        }
-    }
-    // The second byte repeats the text's first byte, 2¹⁹ times a count.
-    seeds.push([&[1, 200][..], b" ", texts[0].as_slice()].concat());
-    seeds
 }
 
 /// Pictures: EXR and PNG by Pumice, and EXR with the compressions that other programs use.

@@ -207,7 +207,7 @@ fn write_to(
 ) -> Result<(), PictureError> {
     let refuse = |what: String| PictureError::File { path: path.to_owned(), what };
     let (width, height) = (picture.color.width, picture.color.height);
-    let (color, alpha) = drawn_over(picture);
+    let (color, alpha) = drawn_over(picture).map_err(|e| refuse(e.to_string()))?;
     let channels = channels_of(picture, (&color, alpha.as_deref()), passes, half);
     check_size(width, height).map_err(refuse)?;
     for (name, samples) in &channels {

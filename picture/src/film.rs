@@ -112,9 +112,21 @@ impl FilmBuffer {
     }
 
     /// Removes all samples. From now on pixels rest by this rule, if there is one.
-    pub fn rest_by(&mut self, rule: Option<Adaptive>) {
+    ///
+    /// # Errors
+    /// [`NoMemory`] where there is none to keep which pixels rest; then the film stays as it is.
+    pub fn rest_by(&mut self, rule: Option<Adaptive>) -> Result<(), NoMemory> {
+        let resting = match (rule, self.resting.take()) {
+            (None, _) => None,
+            (Some(rule), None) => Some(Resting::new(rule, self.width * self.height)?),
+            (Some(rule), Some(mut resting)) => {
+                resting.wake(rule);
+                Some(resting)
+            }
+        };
         self.clear();
-        self.resting = rule.map(|rule| Resting::new(rule, self.width * self.height));
+        self.resting = resting;
+        Ok(())
     }
 
     /// All sums, [`STRIDE`] floats per pixel, rows from the top: the starting point of a device that adds samples itself.
@@ -142,7 +154,7 @@ impl FilmBuffer {
     /// Removes all samples; no pixel rests.
     pub fn clear(&mut self) {
         if let Some(resting) = &mut self.resting {
-            *resting = Resting::new(resting.rule(), self.width * self.height);
+            resting.wake(resting.rule());
         }
         self.sums.fill(0.0);
         self.pass_sums.fill(0.0);

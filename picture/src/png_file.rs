@@ -10,7 +10,7 @@
 use std::io::{BufRead, Seek, Write};
 use std::path::Path;
 
-use pumice_core::reserve::size_text;
+use pumice_core::reserve::{size_text, zeroed};
 use pumice_core::write_atomically;
 use rayon::prelude::*;
 
@@ -102,8 +102,12 @@ fn pixels_of(
     background: Option<[f32; 3]>,
 ) -> Result<Vec<u8>, Failure> {
     let color = &picture.color;
-    let mut bytes: Vec<u8> = match &picture.alpha {
-        None => color.pixels.par_iter().flat_map_iter(|&pixel| encoded(view, pixel)).collect(),
+    let channels = 3 + usize::from(has_alpha(picture, background));
+    let mut bytes: Vec<u8> = zeroed(channels * color.pixels.len(), "the display values of a picture")
+        .map_err(|e| Failure::File(e.to_string()))?;
+    let pixels = bytes.par_chunks_exact_mut(channels).zip(&color.pixels);
+    match &picture.alpha {
+        None => pixels.for_each(|(to, &pixel)| to.copy_from_slice(&encoded(view, pixel))),
         Some(alpha) if alpha.len() != color.pixels.len() => {
             return Err(Failure::File(format!(
                 "alpha: expected {} pixels, got {}",
@@ -113,21 +117,19 @@ fn pixels_of(
         }
         Some(alpha) => {
             let straight = |pixel: &[f32; 3], a: f32| pixel.map(|c| if a > 0.0 { c / a } else { 0.0 });
-            let pixels = color.pixels.par_iter().zip(alpha);
+            let pixels = pixels.zip(alpha);
             match background {
-                None => pixels
-                    .flat_map_iter(|(pixel, &a)| {
-                        let [r, g, b] = encoded(view, straight(pixel, a));
-                        [r, g, b, (f64::from(a).clamp(0.0, 1.0) * 255.0).round() as u8]
-                    })
-                    .collect(),
-                Some(behind) => pixels
-                    .flat_map_iter(|(pixel, &a)| laid_over(behind, shown(view, straight(pixel, a)), a))
-                    .collect(),
+                None => pixels.for_each(|((to, pixel), &a)| {
+                    let [r, g, b] = encoded(view, straight(pixel, a));
+                    to.copy_from_slice(&[r, g, b, (f64::from(a).clamp(0.0, 1.0) * 255.0).round() as u8]);
+                }),
+                Some(behind) => pixels.for_each(|((to, pixel), &a)| {
+                    to.copy_from_slice(&laid_over(behind, shown(view, straight(pixel, a)), a));
+                }),
             }
         }
-    };
-    over_display(&picture.marks, &mut bytes, color.width, 3 + usize::from(has_alpha(picture, background)));
+    }
+    over_display(&picture.marks, &mut bytes, color.width, channels);
     Ok(bytes)
 }
 

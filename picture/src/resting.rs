@@ -12,6 +12,8 @@
 //! The film is examined at fixed numbers of samples and only after complete passes, so the result does not depend on time, threads or
 //! slices. A pixel's own samples decide when it rests, which biases the picture slightly (docs/error-against-time.md says how much).
 
+use pumice_core::NoMemory;
+use pumice_core::reserve::reserved;
 use pumice_scene::Adaptive;
 use rayon::prelude::*;
 
@@ -32,9 +34,19 @@ pub struct Resting {
 
 impl Resting {
     /// A film of `pixels` pixels, none of which rests.
-    pub(crate) fn new(rule: Adaptive, pixels: usize) -> Self {
-        let next_look = rule.min_spp.max(REPLICATES).next_multiple_of(REPLICATES);
-        Self { rule, next_look, rested: vec![AWAKE; pixels], awake: pixels }
+    ///
+    /// # Errors
+    /// [`NoMemory`] where there is none for a number a pixel.
+    pub(crate) fn new(rule: Adaptive, pixels: usize) -> Result<Self, NoMemory> {
+        let mut rested = reserved(pixels, "film: which pixels rest")?;
+        rested.resize(pixels, AWAKE);
+        Ok(Self { rule, next_look: first_look(rule), rested, awake: pixels })
+    }
+
+    /// Wakes all pixels, which from now on rest by this rule.
+    pub(crate) fn wake(&mut self, rule: Adaptive) {
+        (self.rule, self.next_look, self.awake) = (rule, first_look(rule), self.rested.len());
+        self.rested.fill(AWAKE);
     }
 
     /// Per pixel the samples that it had when it came to rest, or [`AWAKE`].
@@ -51,6 +63,11 @@ impl Resting {
     pub(crate) fn bytes(&self) -> u64 {
         self.rested.len() as u64 * 4
     }
+}
+
+/// The number of samples at which a film is examined first.
+fn first_look(rule: Adaptive) -> u32 {
+    rule.min_spp.max(REPLICATES).next_multiple_of(REPLICATES)
 }
 
 impl FilmBuffer {

@@ -228,3 +228,228 @@ fn legend_rows(loaded: &LoadedScene, most: usize) -> std::result::Result<(Vec<Le
     };
     Ok((shown.iter().map(row).collect(), more))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::DAffine3;
+    use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+    use pumice_picture::ScaleBar;
+    use pumice_scene::Scene;
+
+    use super::*;
+
+    /// Voxels of 0.5 × 0.25 × 2 of a unit; label 3 has 1 voxel, label 8 has 2, label 9 has 2, label 20 has 4.
+    fn volume(unit: Unit) -> Arc<CompressedVolume> {
+        let mut info = VolumeInfo::new([9, 1, 1], LabelType::U8);
+        info.unit = unit;
+        info.world_from_index = DAffine3::from_scale(DVec3::new(0.5, 0.25, 2.0));
+        let labels = LabelBuffer::U8(vec![20, 20, 8, 9, 3, 9, 8, 20, 20]);
+        Arc::new(compress_labels(info, labels).unwrap())
+    }
+
+    /// A scene of one volume, of which a unit of length is 3 in the world, placed aside of the camera's axis. The camera looks down from
+    /// (1, −2, 40).
+    fn scene(projection: &str) -> Scene {
+        let text = format!(
+            r#"{{
+              "version": 1,
+              "instances": [{{ "id": 4, "source": "memory", "world_from_index": [1.5,0,0, 0,0,-0.75, 0,6,0, 7,5,3] }}],
+              "camera": {{ "world_from_camera": [2,0,0, 0,2,0, 0,0,2, 1,-2,40], "projection": {{ {projection} }} }},
+              "film": {{ "width": 100, "height": 50, "filter": {{ "box": {{ "width": 1.0 }} }} }},
+              "world": {{ "environment": {{ "constant": {{ "radiance": [1, 1, 1] }} }} }}
+            }}"#
+        );
+        Scene::from_json(&text).unwrap()
+    }
+
+    const PARALLEL: &str = r#""orthographic": { "scale": 40 }"#;
+    const FROM_A_POINT: &str = r#""perspective": { "fov_rad": 0.8 }"#;
+
+    fn loaded(scene: Scene, units: &[Unit]) -> LoadedScene {
+        LoadedScene::new(scene, units.iter().map(|&unit| volume(unit)).collect(), vec![]).unwrap()
+    }
+
+    fn micrometres(scene: Scene) -> LoadedScene {
+        loaded(scene, &[Unit::Micrometre])
+    }
+
+    fn near(got: f64, expected: f64) -> bool {
+        (got - expected).abs() < 1e-9 * expected.abs()
+    }
+
+    /// 100 pixels for 40 units of the world, of which 3 are a micrometre: a micrometre is 7.5 pixels long.
+    #[test]
+    fn a_bar_in_a_parallel_view_has_the_pixels_of_its_length() {
+        let parallel = micrometres(scene(PARALLEL));
+        for (length, pixels, text) in [
+            (BarLength::Given(5.0, None), 37.5, "5 µm"),
+            (BarLength::Given(4000.0, Some(Unit::Nanometre)), 30.0, "4 µm"),
+            (BarLength::Given(0.002, Some(Unit::Millimetre)), 15.0, "2 µm"),
+            // A quarter of the width is 3.33 µm, and 2 the longest of 1, 2, 5, … below.
+            (BarLength::Auto, 15.0, "2 µm"),
+        ] {
+            let (got, said) = measured(&parallel, length, None).unwrap();
+            assert!(near(got, pixels) && said == text, "{length:?}: {got} pixels, {said}");
+            // A plane makes no difference, wherever it is.
+            let (again, said) = measured(&parallel, length, Some(BarPlane::Distance(7.0))).unwrap();
+            assert!(near(again, pixels) && said == text);
+        }
+    }
+
+    /// Pixels wider than high are fewer along a bar: 1.5 times as wide, of a side of 50 heights that spans 40 units of the world.
+    #[test]
+    fn a_bar_counts_the_width_of_pixels_and_the_side_that_is_fitted() {
+        let mut tall = scene(PARALLEL);
+        tall.film.pixel_aspect = 1.5;
+        tall.camera.fit = pumice_scene::SensorFit::Vertical;
+        let (got, _) = measured(&micrometres(tall), BarLength::Given(5.0, None), None).unwrap();
+        assert!(near(got, 15.0 / (1.5 * 40.0 / 50.0)), "{got}");
+    }
+
+    /// At depth z a pinhole shows a length L as L · f / z pixels, f = (100 / 2) / tan(0.8 / 2). The volume's middle is 5.9 units aside of
+    /// the axis: its depth is not its distance.
+    #[test]
+    fn a_bar_in_perspective_is_true_at_the_depth_of_its_plane() {
+        let mut sharp = scene(FROM_A_POINT);
+        sharp.camera.aperture = Some(pumice_scene::Aperture {
+            radius: 0.1,
+            focus_distance: 30.0,
+            blades: 0,
+            rotation_rad: 0.0,
+            ratio: 1.0,
+        });
+        let sharp = micrometres(sharp);
+        // Along z the volume reaches from 3 − 0.75 to 3.
+        let middle = 40.0 - (3.0 - 0.375);
+        let focal_length_px = 50.0 / 0.4f64.tan();
+        for (plane, depth, place) in [
+            (BarPlane::Middle, middle, " (middle)"),
+            (BarPlane::Focus, 30.0, " (focus)"),
+            (BarPlane::Distance(12.5), 12.5, " (at 12.5)"),
+        ] {
+            let (got, said) = measured(&sharp, BarLength::Given(2.0, None), Some(plane)).unwrap();
+            assert!(near(got, 6.0 * focal_length_px / depth), "{plane:?}: {got}");
+            assert_eq!(said, format!("2 µm{place}"));
+        }
+        // An automatic length is chosen for its plane: 25 pixels are 25 · 12.5 / f / 3 = 0.88 µm there.
+        let (got, said) = measured(&sharp, BarLength::Auto, Some(BarPlane::Distance(12.5))).unwrap();
+        assert!(near(got, 1.5 * focal_length_px / 12.5) && said == "500 nm (at 12.5)", "{got} {said}");
+    }
+
+    #[test]
+    fn the_middle_is_that_of_the_labels_that_are_shown() {
+        let mut all = scene(FROM_A_POINT);
+        // The camera looks along the volume: 9 voxels of 1.5, the first of them at depth 10.
+        all.camera.world_from_camera = DAffine3 {
+            matrix3: glam::DMat3::from_rotation_y(-std::f64::consts::FRAC_PI_2),
+            translation: DVec3::new(-3.0, 0.0, 0.0),
+        };
+        let of = |scene: &Scene| {
+            distance_of_middle(&micrometres(scene.clone()), &CameraRays::new(&scene.camera, &scene.film))
+        };
+        assert!(near(of(&all), 10.0 + 4.5 * 1.5), "{}", of(&all));
+        // Of no label, the whole volume counts.
+        all.instances[0].style.show = pumice_scene::Show::Only(vec![]);
+        assert!(near(of(&all), 10.0 + 4.5 * 1.5));
+        let mut info = VolumeInfo::new([9, 1, 1], LabelType::U8);
+        info.unit = Unit::Micrometre;
+        let aside =
+            Arc::new(compress_labels(info, LabelBuffer::U8(vec![0, 5, 0, 0, 6, 6, 0, 0, 0])).unwrap());
+        for (ids, middle) in [(vec![5], 1.5), (vec![6], 5.0), (vec![5, 6], 3.5)] {
+            all.instances[0].style.show = pumice_scene::Show::Only(ids);
+            let one = LoadedScene::new(all.clone(), vec![Arc::clone(&aside)], vec![]).unwrap();
+            let got = distance_of_middle(&one, &CameraRays::new(&all.camera, &all.film));
+            assert!(near(got, 10.0 + middle * 1.5), "{got}");
+        }
+    }
+
+    #[test]
+    fn bars_that_would_not_be_true_are_refused_by_name() {
+        let given = BarLength::Given(2.0, None);
+        let says = |loaded: &LoadedScene, length, plane| measured(loaded, length, plane).unwrap_err();
+        let flat = micrometres(scene(FROM_A_POINT));
+        assert!(says(&flat, given, None).contains("true only in a plane"));
+        assert!(says(&flat, given, Some(BarPlane::Focus)).contains("no plane is in focus"));
+        assert!(says(&flat, given, Some(BarPlane::Distance(-1.0))).contains("behind the camera"));
+        let unknown = loaded(scene(PARALLEL), &[Unit::Unknown]);
+        assert!(says(&unknown, BarLength::Given(2.0, Some(Unit::Metre)), None).contains("states no unit"));
+        let (got, said) = measured(&unknown, given, None).unwrap();
+        assert!(near(got, 15.0) && said == "2 units", "{got} {said}");
+        let mut none = scene(PARALLEL);
+        none.instances.clear();
+        assert!(says(&loaded(none, &[]), given, None).contains("has no volume"));
+        // An axis that is longer by a thousandth, and one by less than a ten-thousandth.
+        for (factor, is_refused) in [(1.001, true), (0.999, true), (1.00005, false)] {
+            let mut uneven = scene(PARALLEL);
+            uneven.instances[0].world_from_index.matrix3.y_axis *= factor;
+            let got = measured(&micrometres(uneven), given, None);
+            assert_eq!(
+                got.is_err_and(|e| e.contains("instance 4 is scaled unevenly")),
+                is_refused,
+                "{factor}"
+            );
+        }
+    }
+
+    #[test]
+    fn volumes_of_two_units_have_one_bar_where_their_scales_are_one() {
+        let two = |factor: f64, units: [Unit; 2]| {
+            let mut scene = scene(PARALLEL);
+            let mut second = scene.instances[0].clone();
+            second.id = 5;
+            second.world_from_index.matrix3 *= factor;
+            scene.instances.push(second);
+            measured(&loaded(scene, &units), BarLength::Given(2.0, None), None)
+        };
+        let (coarse, fine) = (Unit::Micrometre, Unit::Nanometre);
+        assert!(near(two(1.0, [coarse, coarse]).unwrap().0, 15.0));
+        assert!(near(two(1e-3, [coarse, fine]).unwrap().0, 15.0), "a nanometre is a thousandth");
+        assert!(near(two(1.0, [Unit::Unknown, Unit::Unknown]).unwrap().0, 15.0));
+        for (factor, units, what) in [
+            (1.0, [coarse, fine], "another scale"),
+            (1e3, [coarse, fine], "another scale"),
+            (0.5, [coarse, coarse], "another scale"),
+            (1.0, [coarse, Unit::Unknown], "cannot be compared"),
+        ] {
+            let text = two(factor, units).unwrap_err();
+            assert!(text.contains("instance 5") && text.contains(what), "{text}");
+        }
+    }
+
+    #[test]
+    fn a_legend_has_the_labels_by_their_voxels_and_counts_the_rest() {
+        let mut shown = scene(PARALLEL);
+        shown.instances[0].style.show = pumice_scene::Show::Except(vec![3]);
+        let red = pumice_scene::Material { base_color: [0.9, 0.1, 0.1], ..Default::default() };
+        shown.instances[0].style.materials.insert(9, red);
+        let names = |most| {
+            let (rows, more) = legend_rows(&micrometres(shown.clone()), most).unwrap();
+            (rows.iter().map(|row| row.name.clone()).collect::<Vec<_>>().join(" "), more)
+        };
+        assert_eq!(names(9), ("20 8 9".to_owned(), 0), "of equal size, the smaller id first");
+        assert_eq!(names(2), ("20 8".to_owned(), 1));
+        let (rows, _) = legend_rows(&micrometres(shown.clone()), 9).unwrap();
+        assert_eq!([rows[2].color, rows[1].color], [[0.9, 0.1, 0.1], [0.8, 0.8, 0.8]]);
+        shown.instances[0].style.show = pumice_scene::Show::Only(vec![]);
+        assert_eq!(legend_rows(&micrometres(shown.clone()), 9).unwrap_err(), "the scene shows no label");
+        shown.settings.mode = Mode::AmbientOcclusion;
+        assert!(legend_rows(&micrometres(shown), 9).unwrap_err().contains("all labels are white"));
+    }
+
+    #[test]
+    fn resolutions_from_1_to_100000_are_taken() {
+        let parallel = micrometres(scene(PARALLEL));
+        for (dpi, is_taken) in
+            [(1.0, true), (100_000.0, true), (0.99, false), (100_001.0, false), (f64::NAN, false)]
+        {
+            let wishes = Annotations { dpi: Some(dpi), ..Annotations::default() };
+            assert_eq!(lay_out(&parallel, &wishes).is_ok(), is_taken, "{dpi}");
+        }
+        // A bar has the pixels of its length whatever the resolution.
+        let bar = ScaleBar { length: BarLength::Given(5.0, None), plane: None };
+        let wishes = Annotations { dpi: Some(30.0), scale_bar: Some(bar), ..Annotations::default() };
+        assert!(!lay_out(&parallel, &wishes).unwrap().marks.is_empty());
+    }
+}

@@ -16,7 +16,7 @@ use pumice_core::{Job, MeshData, octahedral};
 use pumice_export::{CutPolygon, CutRegion, Faces, Interfaces, Merging, Rectangle, for_each_cut_block};
 use pumice_picture::Image;
 use pumice_scene::{Instance, Material};
-use pumice_transport::geometry::DetailLevel;
+use pumice_transport::geometry::{Contacts, DetailLevel};
 use pumice_transport::{LoadedScene, MaterialTable};
 use serde::Deserialize;
 use serde::de::DeserializeOwned;
@@ -27,8 +27,9 @@ use crate::error::{Result, SessionError, io};
 use crate::npy::{read_npy_f32, write_npy_with};
 use crate::script::{Script, is_blender_program};
 
-/// The script that translates the scene and renders it, inside Blender.
+/// The script that translates the scene and renders it, inside Blender, and its module about faces in one place.
 const SCRIPT: &str = include_str!("cycles/scene_in_cycles.py");
+const COINCIDENT_FACES: &str = include_str!("cycles/coincident_faces.py");
 
 /// Wall and CPU seconds of one step in Blender.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Deserialize)]
@@ -58,6 +59,7 @@ struct Built {
     blender: String,
     built: Seconds,
     bytes_before: u64,
+    without_order: Vec<String>,
 }
 
 #[derive(Deserialize)]
@@ -94,8 +96,11 @@ impl Cycles {
         // Write the surface of each instance, and each mesh.
         let mut faces = 0;
         let mut instances = Vec::new();
+        let contacts = Contacts::new(loaded);
         for place in 0..loaded.volumes().len() {
-            let (count, fields) = write_surface(folder.path(), loaded, place, level, job)?;
+            let (count, mut fields) = write_surface(folder.path(), loaded, place, level, job)?;
+            let number = place as u32;
+            fields["body"] = json!(contacts.as_ref().and_then(|c| c.body(number)).unwrap_or(number));
             faces += count;
             instances.push(fields);
         }
@@ -116,7 +121,9 @@ impl Cycles {
             "report": path("built.json"),
         });
         std::fs::write(path("job.json"), asked.to_string()).map_err(io(path("job.json")))?;
-        std::fs::write(path("scene_in_cycles.py"), SCRIPT).map_err(io(path("scene_in_cycles.py")))?;
+        for (name, text) in [("scene_in_cycles.py", SCRIPT), ("coincident_faces.py", COINCIDENT_FACES)] {
+            std::fs::write(path(name), text).map_err(io(path(name)))?;
+        }
         let mut script = Script::start(
             "Cycles",
             blender,
@@ -171,6 +178,11 @@ impl Cycles {
     /// Seconds that the translation of the scene took.
     pub fn built(&self) -> Seconds {
         self.built.built
+    }
+
+    /// Faces of volumes in one place of which neither program says which is passed first, one line for each kind.
+    pub fn without_order(&self) -> &[String] {
+        &self.built.without_order
     }
 
     /// Resident set of the process before the scene was built, in bytes.
@@ -231,10 +243,14 @@ fn write_surface(
         let material = |r: &Rectangle| of_label.get(r.label as usize).copied().unwrap_or(0);
         rectangles.iter().try_for_each(|r| out.write_all(&material(r).to_le_bytes()))
     })?;
+    write_npy_with(&path("labels"), "<u4", &[faces], |out| {
+        rectangles.iter().try_for_each(|r| out.write_all(&r.label.to_le_bytes()))
+    })?;
     let mut fields = json!({
         "vertices": path("vertices"),
         "quads": path("quads"),
         "material_of_quad": path("materials"),
+        "label_of_quad": path("labels"),
         "materials": materials.materials(),
     });
     let mut count = faces as u64;
@@ -346,8 +362,7 @@ mod tests {
     fn stand_in(folder: &Path, fails: bool) -> PathBuf {
         let values = [0.0f32, 1.0, 2.0, 3.0, 4.0, 5.0];
         write_npy(&folder.join("p.npy"), "<f4", &[1, 2, 3], bytemuck::cast_slice(&values)).unwrap();
-        let built =
-            r#"{"blender": "4.2.0", "built": {"seconds": 0.25, "cpu_seconds": 0.75}, "bytes_before": 10}"#;
+        let built = r#"{"blender": "4.2.0", "built": {"seconds": 0.25, "cpu_seconds": 0.75}, "bytes_before": 10, "without_order": []}"#;
         let row = r#"{"seconds": 0.5, "cpu_seconds": 1.5, "peak_bytes": 30}"#;
         let end = if fails { "echo 'out of memory' >&2; exit 3" } else { "" };
         let here = folder.display();

@@ -194,3 +194,223 @@ fn voxel_at(
     let ways = (0..8usize).rev().filter(|way| way & !all == 0);
     ways.filter_map(behind).find(|&voxel| volume.label_at(voxel) == Some(label))
 }
+
+#[cfg(test)]
+mod tests {
+    use std::sync::Arc;
+
+    use glam::{DMat3, DQuat};
+    use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+    use pumice_oracle::volumes::Random;
+    use pumice_picture::{Annotations, Image, InstanceLabels, Provenance};
+    use pumice_scene::Scene;
+
+    use super::*;
+
+    const SIDE: u32 = 5;
+
+    fn volume(ids: Vec<u16>) -> Arc<CompressedVolume> {
+        let info = VolumeInfo::new([SIDE; 3], LabelType::U16);
+        Arc::new(compress_labels(info, LabelBuffer::U16(ids)).unwrap())
+    }
+
+    /// Slanted, mirrored, and with voxels of three lengths.
+    fn slanted() -> DAffine3 {
+        let turn = DMat3::from_quat(DQuat::from_scaled_axis(DVec3::new(0.3, -0.7, 0.4)));
+        let matrix3 = turn * DMat3::from_diagonal(DVec3::new(0.31, -0.17, 0.23));
+        DAffine3 { matrix3, translation: DVec3::new(-3.1, 2.7, 0.3) }
+    }
+
+    fn camera(origin: DVec3, toward: DVec3, is_parallel: bool) -> Camera {
+        let back = -toward.normalize();
+        let right = back.any_orthonormal_vector();
+        let matrix3 = DMat3::from_cols(right, back.cross(right), back);
+        let projection = match is_parallel {
+            true => Projection::Orthographic { scale: 1.0 },
+            false => Projection::Perspective { fov_rad: 0.5 },
+        };
+        Camera::new(DAffine3 { matrix3, translation: origin }, projection)
+    }
+
+    /// The first filled voxel along a ray in index space and where the ray enters it, by asking every voxel.
+    fn first_voxel(ids: &[u16], origin: DVec3, ray: DVec3) -> Option<(f64, [u32; 3])> {
+        let mut first: Option<(f64, [u32; 3])> = None;
+        for (i, _) in (0u32..).zip(ids).filter(|(_, id)| **id != 0) {
+            let voxel = [i % SIDE, i / SIDE % SIDE, i / (SIDE * SIDE)];
+            let (mut enter, mut leave) = (f64::NEG_INFINITY, f64::INFINITY);
+            for a in 0..3 {
+                let low = (f64::from(voxel[a]) - origin[a]) / ray[a];
+                let high = (f64::from(voxel[a]) + 1.0 - origin[a]) / ray[a];
+                (enter, leave) = (enter.max(low.min(high)), leave.min(low.max(high)));
+            }
+            if enter < leave && enter > 0.0 && first.is_none_or(|(t, _)| enter < t) {
+                first = Some((enter, voxel));
+            }
+        }
+        first
+    }
+
+    /// Positions are 32 bit floats, as in a picture.
+    fn in_a_picture(p: DVec3) -> DVec3 {
+        p.as_vec3().as_dvec3()
+    }
+
+    #[test]
+    fn the_voxel_is_the_first_one_along_the_ray() {
+        let mut random = Random(5);
+        let own_ids = (1..=125).map(|id| if random.below(10) < 6 { id } else { 0 }).collect::<Vec<u16>>();
+        let (mut met, place) = (0, slanted());
+        // Each voxel with a label of its own; and one label for all, where a neighbour may be taken for the voxel.
+        for ids in [own_ids.clone(), own_ids.iter().map(|id| 7 * (*id).min(1)).collect()] {
+            let volume = volume(ids.clone());
+            for round in 0..1500 {
+                let mut unit = || random.unit() * 2.0 - 1.0;
+                let direction = DVec3::new(unit(), unit(), unit());
+                let target = DVec3::splat(2.5) + DVec3::new(unit(), unit(), unit()) * 2.4;
+                let origin = target - direction.normalize() * 15.0;
+                let Some((t, voxel)) = first_voxel(&ids, origin, direction) else { continue };
+                let id = ids[(voxel[0] + SIDE * (voxel[1] + SIDE * voxel[2])) as usize];
+                let [eye, hit] = [origin, origin + direction * t].map(|p| place.transform_point3(p));
+                let toward = place.transform_vector3(direction);
+                // A perspective camera looks elsewhere than along the ray; a parallel one stands elsewhere.
+                let camera = match round % 2 {
+                    0 => camera(eye, toward + DVec3::new(0.3, -0.2, 0.1) * toward.length(), false),
+                    _ => camera(eye + DVec3::new(5.0, 3.0, -4.0), toward, true),
+                };
+                let got = voxel_at(&volume, &place, &camera, in_a_picture(hit), u64::from(id));
+                // Of one label, a point within the rounding of an edge may lie on either of two faces of it.
+                let p = origin + direction * t;
+                let on_planes = (0..3).filter(|&a| (p[a] - p[a].round()).abs() < 1e-5).count();
+                if on_planes == 1 {
+                    assert_eq!(got, Some(voxel), "{p} of id {id}");
+                    met += 1;
+                }
+                // Negative control: a label that is not there, and one that is elsewhere.
+                assert_eq!(voxel_at(&volume, &place, &camera, in_a_picture(hit), 999), None);
+            }
+        }
+        assert!(met > 2000, "{met}");
+    }
+
+    /// A block of one label seen along a diagonal of its edge: the ray goes on in the voxel behind both faces.
+    #[test]
+    fn at_an_edge_the_voxel_is_where_the_ray_goes_on() {
+        let mut ids = vec![0; 125];
+        ids[(1 + SIDE * (1 + SIDE)) as usize] = 3;
+        let one = volume(ids.clone());
+        let eye = DVec3::new(-4.0, -3.0, 1.5);
+        let at =
+            |p: DVec3, eye: DVec3| voxel_at(&one, &DAffine3::IDENTITY, &camera(eye, p - eye, false), p, 3);
+        assert_eq!(at(DVec3::new(1.0, 1.0, 1.5), eye), Some([1, 1, 1]));
+        // Past the far edge of a face, where the way behind the edge is empty, the face's own voxel is told.
+        assert_eq!(at(DVec3::new(1.0, 2.0, 1.5), eye), Some([1, 1, 1]));
+        assert_eq!(at(DVec3::new(1.0, 2.0, 2.0), eye), Some([1, 1, 1]));
+        // From the other side.
+        assert_eq!(at(DVec3::new(2.0, 2.0, 1.5), DVec3::splat(9.0)), Some([1, 1, 1]));
+        // At the border of the volume nothing is below 0.
+        ids[0] = 3;
+        let two = volume(ids);
+        let eye = DVec3::new(-4.0, 0.5, 0.5);
+        let edge =
+            voxel_at(&two, &DAffine3::IDENTITY, &camera(eye, DVec3::X, false), DVec3::new(0.0, 0.5, 0.5), 3);
+        assert_eq!(edge, Some([0; 3]));
+        // A quarter of a voxel inside of a voxel no face is near: the point's own voxel is told.
+        assert_eq!(at(DVec3::new(1.25, 1.5, 1.5), eye), Some([1, 1, 1]));
+        assert_eq!(at(DVec3::new(2.25, 1.5, 1.5), eye), None);
+    }
+
+    const SCENE: &str = r#"{
+      "version": 1,
+      "instances": [{ "id": 4, "source": "memory", "world_from_index": [1,0,0, 0,1,0, 0,0,1, 0,0,0] }],
+      "camera": { "world_from_camera": [1,0,0, 0,1,0, 0,0,1, 2.5,2.5,20], "projection": { "perspective": { "fov_rad": 0.5 } } },
+      "film": { "width": 3, "height": 2, "filter": { "box": { "width": 1.0 } } },
+      "world": { "environment": { "constant": { "radiance": [1, 1, 1] } } }
+    }"#;
+
+    /// 3 × 2 pixels, all different: pixel n counted in rows from the top has the row n of the table, or nothing for 0 and 4.
+    fn picture(volume: &CompressedVolume) -> Picture {
+        let n = [0u32, 1, 2, 3, 4, 5];
+        let is_hit = |n: u32| n % 4 != 0;
+        let position = n.map(|n| [0.5 + n as f32 % 3.0, 0.5, 5.0]).to_vec();
+        Picture {
+            depth: Some(n.map(|n| if is_hit(n) { 15.0 + n as f32 } else { f32::INFINITY }).to_vec()),
+            label: Some(n.map(|n| if is_hit(n) { n } else { 0 }).to_vec()),
+            instance: Some(n.map(|n| if is_hit(n) { 4 } else { 0 }).to_vec()),
+            labels: vec![InstanceLabels {
+                instance: 4,
+                rows: vec![1, 2, 3, 5],
+                ids: vec![101, 102, 103, 105],
+                ..InstanceLabels::default()
+            }],
+            position: Some(Image::new(3, 2, position)),
+            provenance: Some(Provenance {
+                version: "0.1.0".into(),
+                backend: "cpu".into(),
+                scene: Scene::from_json(SCENE).unwrap(),
+                volume_hashes: vec![hash_text(volume)],
+                mesh_hashes: Vec::new(),
+                sky_hash: None,
+                spp: 1,
+                error_estimate: None,
+                annotations: Annotations::default(),
+            }),
+            ..Picture::of(Image::new(3, 2, vec![[0.0; 3]; 6]))
+        }
+    }
+
+    #[test]
+    fn pixels_are_counted_from_the_upper_left() {
+        let volume = volume(vec![101; 125]);
+        let picture = picture(&volume);
+        for (n, label) in
+            [(0, None), (1, Some(101)), (2, Some(102)), (3, Some(103)), (4, None), (5, Some(105))]
+        {
+            let (x, y) = (n % 3, n / 3);
+            let picked = pick(&picture, x, y).unwrap();
+            assert_eq!((picked.x, picked.y, picked.label), (x, y, label));
+            assert_eq!(picked.instance, label.map(|_| 4));
+            assert_eq!(picked.depth, label.map(|_| 15.0 + n as f32));
+            assert_eq!(picked.position, label.map(|_| [0.5 + n as f32 % 3.0, 0.5, 5.0]));
+        }
+        for (x, y) in [(3, 0), (0, 2), (u32::MAX, 0)] {
+            assert!(pick(&picture, x, y).unwrap_err().contains("expected x below 3 and y below 2"));
+        }
+    }
+
+    #[test]
+    fn a_surface_without_a_label_has_a_position_and_one_without_depth_too() {
+        let volume = volume(vec![101; 125]);
+        let mut mesh = picture(&volume);
+        mesh.label.as_mut().unwrap()[1] = 0;
+        mesh.instance.as_mut().unwrap()[1] = 0;
+        let picked = pick(&mesh, 1, 0).unwrap();
+        assert!(
+            picked.label.is_none() && picked.position.is_some() && picked.depth == Some(16.0),
+            "{picked:?}"
+        );
+        mesh.depth = None;
+        assert_eq!(pick(&mesh, 1, 0).unwrap().position, None);
+        assert!(pick(&mesh, 2, 0).unwrap().position.is_some());
+    }
+
+    #[test]
+    fn voxels_are_told_of_the_volume_of_which_the_picture_was_made() {
+        let volume_of = volume(vec![101; 125]);
+        let mut made = picture(&volume_of);
+        let picked = pick(&made, 1, 0).unwrap();
+        assert_eq!(find_voxel(&made, &picked, &volume_of).unwrap(), Some([1, 0, 4]));
+        let nothing = pick(&made, 0, 0).unwrap();
+        assert_eq!(find_voxel(&made, &nothing, &volume_of).unwrap(), None);
+        let says = |made: &Picture, picked: &PickedPixel, volume: &CompressedVolume| {
+            find_voxel(made, picked, volume).unwrap_err().to_string()
+        };
+        let other = volume(vec![102; 125]);
+        assert!(says(&made, &picked, &other).contains("was made from a volume with the hash"));
+        let without = PickedPixel { position: None, ..picked.clone() };
+        assert!(says(&made, &without, &volume_of).contains("no position pass"));
+        let elsewhere = PickedPixel { instance: Some(9), ..picked.clone() };
+        assert!(says(&made, &elsewhere, &volume_of).contains("no scene with an instance 9"));
+        made.provenance = None;
+        assert!(says(&made, &picked, &volume_of).contains("no scene with an instance 4"));
+    }
+}

@@ -15,7 +15,14 @@ use std::time::Duration;
 use counting_allocator::{measured, refusing};
 use pumice_core::{CompressedVolume, Job, NoMemory};
 use pumice_cpu::CpuRenderer;
-use pumice_picture::{PassSums, Passes, film_memory, read_provenance};
+use pumice_export::{
+    Corners, ExportOptions, Form, Interfaces, Merging, QuadMesh, Reader, SmoothMesh, export_scene,
+};
+use pumice_oracle::volumes::noise;
+use pumice_picture::annotate::Mark;
+use pumice_picture::{
+    Image, PassSums, Passes, Picture, film_memory, read_exr, read_provenance, write_exr, write_png,
+};
 use pumice_scene::{Adaptive, Scene};
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 
@@ -68,6 +75,112 @@ fn a_film_without_memory_is_an_error_and_the_former_picture_stays() {
     refusing(6_000_000, || renderer.set_scene(&large)).unwrap();
     renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap();
     assert_eq!(renderer.picture().unwrap().color.width, 400);
+}
+
+/// One number a pixel is kept where pixels rest. A film that has none of them yet stays as it is, and so does the picture.
+#[test]
+fn a_film_without_memory_for_pixels_that_rest_keeps_its_picture() {
+    let _turn = one_after_the_other();
+    let plain = loaded(&sky([400, 300]));
+    let mut resting = sky([400, 300]);
+    resting.settings.adaptive = Some(Adaptive { threshold: 0.01, min_spp: 4 });
+    let resting = loaded(&resting);
+    let mut renderer = renderer();
+    renderer.set_scene(&plain).unwrap();
+    renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap();
+    let before = renderer.picture().unwrap();
+
+    let refused = refusing(400_000, || renderer.set_scene(&resting)).unwrap_err().to_string();
+    assert_eq!(refused, "film: which pixels rest needs 480.0 kB of memory, which the system refuses");
+    assert_eq!(renderer.picture().unwrap().color, before.color);
+
+    // A control: with a little more memory pixels rest.
+    refusing(500_000, || renderer.set_scene(&resting)).unwrap();
+    renderer.advance(Duration::ZERO, 8, &Job::new()).unwrap();
+    assert!(renderer.picture().unwrap().color.width == 400);
+}
+
+#[test]
+fn pictures_without_memory_for_their_files_leave_no_file() {
+    let _turn = one_after_the_other();
+    let folder = tempfile::tempdir().unwrap();
+    let path = |name: &str| folder.path().join(name);
+    let mut picture = Picture::of(Image::new(400, 300, vec![[0.5; 3]; 400 * 300]));
+    let mark = Mark { left: 3, top: 4, width: 2, color: [1.0; 3], coverage: vec![1.0; 4] };
+
+    let png = refusing(300_000, || write_png(&path("a.png"), &picture)).unwrap_err().to_string();
+    let expected =
+        "a.png: the display values of a picture needs 360.0 kB of memory, which the system refuses";
+    assert!(png.ends_with(expected), "{png}");
+    picture.marks = vec![mark];
+    let exr =
+        refusing(1_000_000, || write_exr(&path("a.exr"), &picture, &Passes::NONE)).unwrap_err().to_string();
+    let expected =
+        "a.exr: a picture with what is drawn over it needs 1.4 MB of memory, which the system refuses";
+    assert!(exr.ends_with(expected), "{exr}");
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+
+    // A control: with a little more memory both are written, and without marks an EXR needs no copy.
+    refusing(1_500_000, || write_png(&path("a.png"), &picture)).unwrap();
+    refusing(1_500_000, || write_exr(&path("a.exr"), &picture, &Passes::NONE)).unwrap();
+    assert_eq!(read_exr(&path("a.exr")).unwrap().color.pixels[4 * 400 + 3], [1.0; 3]);
+    picture.marks.clear();
+    refusing(1_000_000, || write_exr(&path("b.exr"), &picture, &Passes::NONE)).unwrap();
+}
+
+/// A third of 16 × 16 × 4096 voxels of noise has more than a million faces, of which each list takes 16 MB and more. What is held of one block
+/// of voxels, a thirty-second of them, takes less than 4.
+#[test]
+fn surfaces_without_memory_are_errors_and_leave_no_file() {
+    const MOST: usize = 4 << 20;
+    let _turn = one_after_the_other();
+    let (_, volume) = noise([16, 16, 4096], 0.3, 6, 2);
+    let (visible, job) = (vec![true; volume.labels().len()], Job::new());
+    let quads =
+        refusing(MOST, || QuadMesh::new(&volume, &visible, Interfaces::All, Corners::Own, &job)).unwrap_err();
+    let smooth = refusing(MOST, || SmoothMesh::new(&volume, &visible, None, &job, |_| Ok(()))).unwrap_err();
+
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.ply");
+    let mut scene = sky([5, 4]);
+    scene.instances = serde_json::from_str(
+        r#"[{ "id": 1, "source": "memory", "world_from_index": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], "style": {} }]"#,
+    )
+    .unwrap();
+    let scene = LoadedScene::new(scene, vec![volume], vec![]).unwrap();
+    let options = ExportOptions {
+        forms: vec![Form::Voxels],
+        merging: Merging::Plain,
+        limit_bytes: 1 << 30,
+        surroundings: false,
+        reader: Reader::Specification,
+        region: None,
+    };
+    let export = || export_scene(&scene, &options, &path, &mut |_| (), &job);
+    let file = refusing(MOST, export).unwrap_err();
+    for (text, what) in [
+        (quads.to_string(), "a mesh of the faces needs "),
+        (smooth.to_string(), "a list of the parts of a smoothed surface needs "),
+        (file.to_string(), "a list of the faces of a surface needs "),
+    ] {
+        let is_line = text.ends_with(" of memory, which the system refuses") && !text.contains('\n');
+        assert!(text.contains(what) && is_line, "{text}");
+    }
+    assert_eq!(std::fs::read_dir(folder.path()).unwrap().count(), 0);
+    // A control: with the memory the file is written.
+    refusing(512 << 20, export).unwrap();
+    assert!(path.exists());
+}
+
+#[test]
+fn nodes_for_a_device_without_memory_are_an_error() {
+    let _turn = one_after_the_other();
+    let (_, volume) = noise([64; 3], 0.3, 6, 2);
+    let nodes = pumice_vulkan::pack::PackedNodes::new(&volume, &vec![true; volume.labels().len()]);
+    let most = nodes.len_bytes() as usize - 1;
+    let text = refusing(most, || nodes.packed(&volume)).unwrap_err().to_string();
+    assert!(text.starts_with("the nodes of a volume for the device needs "), "{text}");
+    assert_eq!(refusing(most + 1, || nodes.packed(&volume)).unwrap().len(), most.div_ceil(2));
 }
 
 /// The film of 2³⁰ pixels that a scene may ask for; no machine that runs this test has the memory of its picture.

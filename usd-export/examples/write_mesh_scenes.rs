@@ -8,7 +8,6 @@
 //!     FOLDER/NAME.labels                   dims as 3 u32; whether each label is shown, dense index + 1 at each voxel (u32), x fastest
 //! ```
 use std::fs::File;
-use std::io::{BufWriter, Write};
 use std::path::Path;
 use std::sync::Arc;
 
@@ -17,38 +16,20 @@ use pumice_core::{CompressedVolume, Job, MeshData};
 use pumice_export::{ExportOptions, Form, Merging, Reader, VoxelRegion, export_scene};
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::{
-    Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh, Outline,
-    Projection, Reading, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, World,
+    LabelStyle, Light, LightShape, Material, Mesh, Outline, Projection, Scene, SensorFit, Show, Sun,
 };
 use pumice_transport::LoadedScene;
 
-type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
+#[path = "generated/mod.rs"]
+mod generated;
 
-/// A scene with a sun alone.
+use generated::{Outcome, write_labels};
+
+/// A scene with a sun alone, seen by a camera that is tilted.
 fn scene(style: LabelStyle, world_from_index: DAffine3) -> Scene {
-    let camera = Camera::new(
-        DAffine3::from_mat3_translation(DMat3::from_rotation_x(0.4), DVec3::new(1.0, -40.0, 100.0)),
-        Projection::Perspective { fov_rad: 0.7 },
-    );
+    let tilted = DAffine3::from_mat3_translation(DMat3::from_rotation_x(0.4), DVec3::new(1.0, -40.0, 100.0));
     let sun = Sun { direction: [1.0, 2.0, -2.0], strength: 3.0, color: [1.0, 0.9, 0.5], angle_rad: 0.01 };
-    Scene {
-        version: SCENE_VERSION,
-        instances: vec![Instance {
-            id: 7,
-            source: "generated".into(),
-            reading: Reading::default(),
-            world_from_index,
-            style,
-        }],
-        camera,
-        film: Film::new(64, 48, Filter::Box { width: 1.0 }),
-        world: World { environment: Environment::Constant { radiance: [1.0; 3] }, backdrop: None },
-        suns: vec![sun],
-        lights: vec![],
-        meshes: vec![],
-        cuts: vec![],
-        settings: Settings::default(),
-    }
+    Scene { suns: vec![sun], ..generated::scene(style, world_from_index, tilted) }
 }
 
 fn lamp(shape: LightShape, power_w: f32, color: [f32; 3]) -> Light {
@@ -98,13 +79,7 @@ fn write(
 ) -> Outcome {
     serde_json::to_writer(File::create(folder.join(format!("{name}.json")))?, &scene)?;
     let loaded = LoadedScene::new(scene, vec![volume], meshes)?;
-    let mut notes = BufWriter::new(File::create(folder.join(format!("{name}.labels")))?);
-    let visible = loaded.visible(0).into_iter().map(u32::from);
-    for number in dense.dims.into_iter().chain([loaded.visible(0).len() as u32]).chain(visible) {
-        notes.write_all(&number.to_le_bytes())?;
-    }
-    notes.write_all(bytemuck::cast_slice(&dense.labels))?;
-    notes.flush()?;
+    write_labels(folder, name, &dense, &loaded)?;
     for &form in forms {
         let options = ExportOptions {
             forms: vec![form],

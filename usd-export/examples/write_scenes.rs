@@ -9,7 +9,7 @@
 //!     FOLDER/everything_for_blender.usdc, …
 //! ```
 use std::fs::File;
-use std::io::{BufWriter, Write};
+use std::io::BufWriter;
 use std::path::Path;
 use std::sync::Arc;
 
@@ -21,34 +21,19 @@ use pumice_export::{
 };
 use pumice_oracle::{Dense, volumes};
 use pumice_scene::{
-    Aperture, Camera, Environment, Film, Filter, Instance, LabelStyle, Light, LightShape, Material, Mesh,
-    Outline, Projection, Reading, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, World,
+    Aperture, Environment, LabelStyle, Light, LightShape, Material, Mesh, Outline, Projection, Scene,
+    SensorFit, Show, Sun,
 };
 use pumice_transport::LoadedScene;
 
+#[path = "generated/mod.rs"]
+mod generated;
+
+use generated::{Outcome, write_labels};
+
+/// A scene seen from far above.
 fn scene(style: LabelStyle, world_from_index: DAffine3) -> Scene {
-    let camera = Camera::new(
-        DAffine3::from_translation(DVec3::new(0.0, 0.0, 100.0)),
-        Projection::Perspective { fov_rad: 0.7 },
-    );
-    Scene {
-        version: SCENE_VERSION,
-        instances: vec![Instance {
-            id: 7,
-            source: "generated".into(),
-            reading: Reading::default(),
-            world_from_index,
-            style,
-        }],
-        camera,
-        film: Film::new(64, 48, Filter::Box { width: 1.0 }),
-        world: World { environment: Environment::Constant { radiance: [1.0; 3] }, backdrop: None },
-        suns: vec![],
-        lights: vec![],
-        meshes: vec![],
-        cuts: vec![],
-        settings: Settings::default(),
-    }
+    generated::scene(style, world_from_index, DAffine3::from_translation(DVec3::new(0.0, 0.0, 100.0)))
 }
 
 fn write(
@@ -57,15 +42,9 @@ fn write(
     (dense, volume): (Dense, Arc<CompressedVolume>),
     scene: Scene,
     (merging, region): (Merging, Option<VoxelRegion>),
-) -> Result<(), Box<dyn std::error::Error>> {
+) -> Outcome {
     let loaded = LoadedScene::new(scene, vec![volume], vec![])?;
-    let mut notes = BufWriter::new(File::create(folder.join(format!("{name}.labels")))?);
-    let visible = loaded.visible(0).into_iter().map(u32::from);
-    for number in dense.dims.into_iter().chain([loaded.visible(0).len() as u32]).chain(visible) {
-        notes.write_all(&number.to_le_bytes())?;
-    }
-    notes.write_all(bytemuck::cast_slice(&dense.labels))?;
-    notes.flush()?;
+    write_labels(folder, name, &dense, &loaded)?;
     let options = ExportOptions {
         forms: Form::ALL.to_vec(),
         merging,
@@ -119,7 +98,7 @@ fn lights() -> Vec<Light> {
 }
 
 /// A floor of two triangles with two materials, mirrored and sheared, and a ball whose corners are shaded smooth but for one triangle.
-fn meshes() -> Result<Vec<(Mesh, MeshData)>, Box<dyn std::error::Error>> {
+fn meshes() -> Outcome<Vec<(Mesh, MeshData)>> {
     let corners = vec![[0.0; 3], [4.0, 0.0, 0.0], [4.0, 3.0, 1.0], [0.0, 3.0, 1.0]];
     let floor = MeshData::new(corners, vec![[0, 1, 2], [0, 2, 3]], vec![0, 9])?;
     let ends = [[1.0, 0.0, 0.0], [0.0, 1.0, 0.0], [0.0, 0.0, 1.0], [-1.0, 0.0, 0.0], [0.0, -1.0, 0.0]];
@@ -149,7 +128,7 @@ fn meshes() -> Result<Vec<(Mesh, MeshData)>, Box<dyn std::error::Error>> {
 }
 
 /// The three scenes that have everything around a volume: their names and what differs.
-fn surrounded(folder: &Path) -> Result<[(&'static str, Scene); 3], Box<dyn std::error::Error>> {
+fn surrounded(folder: &Path) -> Outcome<[(&'static str, Scene); 3]> {
     let picture = folder.join("a sky @home @@@.exr");
     let shade = |x: usize, y: usize| (0.1 + x as f32 / 64.0, y as f32 / 32.0, 0.5);
     exr::prelude::write_rgb_file(&picture, 64, 32, shade)?;
@@ -186,7 +165,7 @@ fn surrounded(folder: &Path) -> Result<[(&'static str, Scene); 3], Box<dyn std::
     Ok([("everything", scene), ("wide", wide), ("parallel", parallel)])
 }
 
-fn write_surrounded(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
+fn write_surrounded(folder: &Path) -> Outcome {
     let volume = volumes::noise([17, 9, 5], 0.3, 6, 2).1;
     let data: Vec<Arc<MeshData>> = meshes()?.into_iter().map(|(_, data)| Arc::new(data)).collect();
     for (name, scene) in surrounded(folder)? {
@@ -212,7 +191,7 @@ fn write_surrounded(folder: &Path) -> Result<(), Box<dyn std::error::Error>> {
     Ok(())
 }
 
-fn main() -> Result<(), Box<dyn std::error::Error>> {
+fn main() -> Outcome {
     let folder = std::env::args().nth(1).ok_or("expected a folder")?;
     let folder = Path::new(&folder);
     let auto = LabelStyle { auto_color: true, ..LabelStyle::default() };

@@ -1,6 +1,7 @@
 //! The boxes of an instance that are drawn, for the form that has each as a scaled cube.
 
-use pumice_core::Job;
+use pumice_core::reserve::reserved;
+use pumice_core::{Error, Job};
 
 use crate::Result;
 use crate::budget::Budget;
@@ -21,12 +22,15 @@ pub(crate) struct DrawnBox {
 /// and without those that a cut removes altogether.
 ///
 /// # Errors
-/// [`pumice_core::Error::Limit`] where they take more than is left of the budget; [`pumice_core::Error::Cancelled`].
+/// [`Error::Limit`] where they take more than is left of the budget; [`Error::Memory`]; [`Error::Cancelled`].
 pub(crate) fn drawn_boxes(drawn: &Drawn<'_>, budget: &mut Budget, job: &Job) -> Result<Vec<DrawnBox>> {
-    let mut boxes = Vec::new();
+    let mut count = 0;
+    for_each_drawn_box(drawn, |_| count += 1);
+    job.check()?;
+    budget.take_boxes(count as u64)?;
+    let mut boxes = reserved(count, "a list of the boxes of a volume").map_err(Error::from)?;
     for_each_drawn_box(drawn, |drawn_box| boxes.push(drawn_box));
     job.check()?;
-    budget.take_boxes(boxes.len() as u64)?;
     Ok(boxes)
 }
 

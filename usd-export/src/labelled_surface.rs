@@ -3,7 +3,8 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use pumice_core::Job;
+use pumice_core::reserve::make_room;
+use pumice_core::{Error, Job};
 use pumice_transport::geometry::DetailLevel;
 
 use crate::budget::Budget;
@@ -11,6 +12,9 @@ use crate::cut_surface::cut_blocks;
 use crate::drawn::Drawn;
 use crate::surface::Surface;
 use crate::{CutPolygon, Merging, Rectangle, Result};
+
+/// What the memory is for, in errors.
+const FACES: &str = "a list of the faces of a surface";
 
 /// A surface in index space.
 pub(crate) struct LabelledSurface {
@@ -71,7 +75,7 @@ impl LabelledSurface {
     /// The visible surface of what is drawn.
     ///
     /// # Errors
-    /// [`pumice_core::Error::Limit`] where it takes more than is left of the budget; [`pumice_core::Error::Cancelled`].
+    /// [`Error::Limit`] where it takes more than is left of the budget; [`Error::Memory`]; [`Error::Cancelled`].
     pub(crate) fn new(
         drawn: &Drawn<'_>,
         level: DetailLevel,
@@ -83,6 +87,8 @@ impl LabelledSurface {
         let surface = Surface::new(drawn.volume, &drawn.visible, level, merging)?.within(drawn.region);
         cut_blocks(&surface, &drawn.cuts, job, |whole, cut| {
             budget.take_faces((whole.len() + cut.len()) as u64)?;
+            make_room(&mut rectangles, whole.len(), FACES).map_err(Error::from)?;
+            make_room(&mut polygons, cut.len(), FACES).map_err(Error::from)?;
             rectangles.extend_from_slice(whole);
             polygons.extend_from_slice(cut);
             Ok(())

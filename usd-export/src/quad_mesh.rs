@@ -1,10 +1,14 @@
 //! Collects all faces in the arrays that mesh formats use.
 
+use pumice_core::reserve::make_room;
 use pumice_core::{CompressedVolume, Error, Job, Result};
 use pumice_transport::geometry::DetailLevel;
 use rustc_hash::FxHashMap;
 
 use crate::{Interfaces, Merging, for_each_face_block, for_each_surface_block};
+
+/// What the memory is for, in errors.
+const FACES: &str = "a mesh of the faces";
 
 /// Whether faces share corners.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -32,7 +36,7 @@ impl QuadMesh {
     /// first quads.
     ///
     /// # Errors
-    /// Those of [`for_each_face_block`], and [`Error::Limit`] for 2³² vertices or more.
+    /// Those of [`for_each_face_block`], [`Error::Limit`] for 2³² vertices or more, and [`Error::Memory`].
     pub fn new(
         volume: &CompressedVolume,
         visible: &[bool],
@@ -43,6 +47,7 @@ impl QuadMesh {
         let mut mesh = Self::default();
         let mut number_of = NumberOf::default();
         for_each_face_block(volume, visible, interfaces, job, |block| {
+            mesh.make_room(block.quads.len(), corners)?;
             block.quads.iter().try_for_each(|quad| mesh.push(quad, corners, &mut number_of))?;
             mesh.labels.extend(block.labels);
             Ok(())
@@ -54,7 +59,7 @@ impl QuadMesh {
     /// in the order of their first quads.
     ///
     /// # Errors
-    /// Those of [`for_each_surface_block`], and [`Error::Limit`] for 2³² vertices or more.
+    /// Those of [`for_each_surface_block`], [`Error::Limit`] for 2³² vertices or more, and [`Error::Memory`].
     pub fn of_surface(
         volume: &CompressedVolume,
         visible: &[bool],
@@ -66,6 +71,7 @@ impl QuadMesh {
         let mut mesh = Self::default();
         let mut number_of = NumberOf::default();
         for_each_surface_block(volume, visible, level, merging, job, |block| {
+            mesh.make_room(block.len(), corners)?;
             for rectangle in block {
                 mesh.push(&rectangle.corners(), corners, &mut number_of)?;
                 mesh.labels.push(rectangle.label);
@@ -73,6 +79,14 @@ impl QuadMesh {
             Ok(())
         })?;
         Ok(mesh)
+    }
+
+    /// Room for so many more quads. (Shared vertices, of which there are about as many as quads, come one by one.)
+    fn make_room(&mut self, quads: usize, corners: Corners) -> Result<()> {
+        make_room(&mut self.quads, quads, FACES)?;
+        make_room(&mut self.labels, quads, FACES)?;
+        let vertices = if corners == Corners::Own { 4 * quads } else { 0 };
+        Ok(make_room(&mut self.vertices, vertices, FACES)?)
     }
 
     fn push(&mut self, quad: &[[u32; 3]; 4], corners: Corners, number_of: &mut NumberOf) -> Result<()> {
@@ -84,6 +98,7 @@ impl QuadMesh {
                 Corners::Shared => *number_of.entry(*corner).or_insert(next),
             };
             if *number == next {
+                make_room(&mut self.vertices, 1, FACES)?;
                 // A volume has at most 2²³ voxels along an axis.
                 self.vertices.push(corner.map(|c| c as i32));
             }

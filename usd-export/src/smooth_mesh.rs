@@ -15,6 +15,7 @@
 //! Crates that make surface nets (`fast-surface-nets`, `isosurface`) take signed distances of one label; borders of labels that were made
 //! one by one do not meet. How it is smoothed stands in the module `surface_net`.
 
+use pumice_core::reserve::make_room;
 use pumice_core::{CompressedVolume, Error, Job};
 use pumice_transport::geometry::DetailLevel;
 use rustc_hash::FxHashMap;
@@ -22,6 +23,9 @@ use rustc_hash::FxHashMap;
 use crate::surface::{BLOCK, Surface};
 use crate::surface_net::NetBlock;
 use crate::{Merging, Result, VoxelRegion};
+
+/// What the memory is for, in errors.
+const PARTS: &str = "a list of the parts of a smoothed surface";
 
 /// What files say about it.
 pub(crate) const NOT_EXACT: &str = "smoothed: corners of voxels moved by up to 0.4 of a voxel";
@@ -54,7 +58,7 @@ impl SmoothMesh {
     ///
     /// # Errors
     /// [`Error::Caller`] where `visible` does not have one value per label; [`Error::Limit`] for 2³² points or vertices;
-    /// [`Error::Cancelled`]; errors of `found`.
+    /// [`Error::Memory`]; [`Error::Cancelled`]; errors of `found`.
     pub fn new(
         volume: &CompressedVolume,
         visible: &[bool],
@@ -88,6 +92,10 @@ impl SmoothMesh {
 
     /// Appends a block's faces; what blocks have in common is there once.
     fn append(&mut self, block: &NetBlock, shared: &mut Shared) -> Result<()> {
+        // At most as many as the block has: those that blocks share are there once.
+        make_room(&mut self.points, block.points.len(), PARTS).map_err(Error::from)?;
+        make_room(&mut self.vertices, block.vertices.len(), PARTS).map_err(Error::from)?;
+        make_room(&mut self.quads, block.quads.len(), PARTS).map_err(Error::from)?;
         let mut point_of = Vec::with_capacity(block.points.len());
         for point in &block.points {
             let next = number("points", self.points.len())?;

@@ -10,8 +10,10 @@ use pumice_picture::FilmBuffer;
 use pumice_picture::film::STRIDE;
 use pumice_picture::resting::{AWAKE, Resting};
 use pumice_scene::Adaptive;
+use pumice_transport::RenderError;
 
 use crate::device::{Buffer, DeviceError, Gpu};
+use crate::scene::UploadError;
 use crate::slices::Cursor;
 
 /// The film's buffers on the device, and the host's copy.
@@ -31,8 +33,8 @@ pub(crate) struct Film {
 }
 
 impl Film {
-    /// A film without samples; `copy` is an empty one of the host.
-    pub(crate) fn new(gpu: &Gpu, mut copy: FilmBuffer, rule: Option<Adaptive>) -> Result<Self, DeviceError> {
+    /// A film without samples; `copy` is an empty one of the host, which knows by which rule pixels rest.
+    pub(crate) fn new(gpu: &Gpu, copy: FilmBuffer) -> Result<Self, DeviceError> {
         let (size, kept) = (<[usize; 2]>::from(copy.size()).map(|n| n as u32), copy.kept());
         let bytes_a_float = u64::from(size[0]) * u64::from(size[1]) * 4;
         let bytes = bytes_a_float * STRIDE as u64;
@@ -44,7 +46,6 @@ impl Film {
             gpu.clear(&made)?;
             pass_sums = Some(made);
         }
-        copy.rest_by(rule);
         Ok(Self { sums, pass_sums, resting: None, size, spp: 0, pass: None, copy })
     }
 
@@ -63,11 +64,14 @@ impl Film {
     }
 
     /// Removes all samples. `rule` decides which pixels of the next picture rest; with `None` no pixel does.
-    pub(crate) fn clear(&mut self, gpu: &Gpu, rule: Option<Adaptive>) -> Result<(), DeviceError> {
+    ///
+    /// # Errors
+    /// Those of the device; of the host, where it has no memory to keep which pixels rest.
+    pub(crate) fn clear(&mut self, gpu: &Gpu, rule: Option<Adaptive>) -> Result<(), UploadError> {
+        self.copy.rest_by(rule).map_err(RenderError::from)?;
         gpu.clear(&self.sums)?;
         self.pass_sums.iter().try_for_each(|sums| gpu.clear(sums))?;
         (self.spp, self.pass, self.resting) = (0, None, None);
-        self.copy.rest_by(rule);
         Ok(())
     }
 

@@ -17,7 +17,7 @@
 use std::sync::Arc;
 
 use glam::DAffine3;
-use pumice_core::{CompressedVolume, MeshData};
+use pumice_core::{CompressedVolume, MeshData, NoMemory};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::geometry::{Contacts, Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
 use pumice_transport::{BoxBounds, Bvh, Emitters, FilterTable, Lights, MaterialTable, RenderError};
@@ -63,9 +63,10 @@ impl Nodes {
         gpu: &Gpu,
         volume: &Arc<CompressedVolume>,
         wanted: &[bool],
-    ) -> Result<Self, DeviceError> {
+    ) -> Result<Self, UploadError> {
         let packed = PackedNodes::new(volume, wanted);
-        let nodes = gpu.buffer_of("the nodes of a volume", &packed.bytes(volume))?;
+        let words = packed.packed(volume).map_err(RenderError::from)?;
+        let nodes = gpu.buffer_of("the nodes of a volume", bytemuck::cast_slice(&words))?;
         let leaves = gpu.buffer_of("the leaves of a volume", &PackedNodes::leaves(volume))?;
         Ok(Self { volume: Arc::clone(volume), packed, nodes, leaves })
     }
@@ -121,7 +122,10 @@ impl Boxes {
     pub(crate) fn new(gpu: &Gpu, what: &Drawn<'_>, nodes: Arc<Nodes>) -> Result<Self, UploadError> {
         let &Drawn { place, volume, visible, lod, smooth, hidden_too } = what;
         let tight = lod == LodChoice::Voxels;
-        let limit = |what: String| RenderError::Scene(format!("instances[{place}]: {what}"));
+        let limit = |error| match error {
+            RenderError::Scene(what) => RenderError::Scene(format!("instances[{place}]: {what}")),
+            other => other,
+        };
         let packed = if hidden_too {
             let mut packed =
                 PackedBoxes::new(volume, &nodes.packed, &vec![true; visible.len()], tight).map_err(limit)?;
@@ -134,13 +138,16 @@ impl Boxes {
         let chunks = gpu.buffer_of("the chunks of a volume", bytemuck::cast_slice(&packed.chunks))?;
         let boxes = gpu.buffer_of("the boxes of a volume", bytemuck::cast_slice(&packed.boxes))?;
         let labels = gpu.buffer_of("the labels of boxes", bytemuck::cast_slice(&packed.labels))?;
-        let in_bricks = suits_bricks(gpu).then(|| PackedBricks::new(volume, &packed, visible, lod)).flatten();
+        let in_bricks = match suits_bricks(gpu) {
+            true => PackedBricks::new(volume, &packed, visible, lod).map_err(RenderError::from)?,
+            false => None,
+        };
         let bricks = in_bricks.as_ref().map(|b| BricksOnDevice::new(gpu, b, &mut record)).transpose()?;
         let (bvh, acceleration) = match &in_bricks {
             None => hierarchy(gpu, place, &mut record, || packed.aabbs(), || packed.numbered())?,
             // Shaders traverse bricks as a grid. Only hardware ray tracing needs a hierarchy over them.
             Some(bricks) if gpu.backend().uses_hardware_hierarchy() => {
-                hierarchy(gpu, place, &mut record, || bricks.aabbs(&packed), Vec::new)?
+                hierarchy(gpu, place, &mut record, || bricks.aabbs(&packed), || Ok(Vec::new()))?
             }
             Some(_) => (None, None),
         };
@@ -212,19 +219,19 @@ fn hierarchy(
     gpu: &Gpu,
     place: u32,
     record: &mut layout::Instance,
-    aabbs: impl FnOnce() -> Vec<[f32; 6]>,
-    numbered: impl FnOnce() -> Vec<(BoxBounds, u32)>,
+    aabbs: impl FnOnce() -> Result<Vec<[f32; 6]>, NoMemory>,
+    numbered: impl FnOnce() -> Result<Vec<(BoxBounds, u32)>, NoMemory>,
 ) -> Result<(Option<[Buffer; 2]>, Option<Acceleration>), UploadError> {
     if gpu.backend().uses_hardware_hierarchy() {
         if record.box_count == 0 {
             return Ok((None, None));
         }
-        let aabbs = aabbs();
+        let aabbs = aabbs().map_err(RenderError::from)?;
         let built = gpu.acceleration(place, aabbs.len() as u32, |i| aabbs[i as usize])?;
         record.acceleration = built.address();
         return Ok((None, Some(built)));
     }
-    let built = Bvh::build(numbered())?;
+    let built = Bvh::build(numbered().map_err(RenderError::from)?)?;
     let nodes = gpu.buffer_of("a hierarchy", built.node_bytes())?;
     let items = gpu.buffer_of("the items of a hierarchy", bytemuck::cast_slice(built.items()))?;
     (record.bvh_nodes, record.bvh_items) = (nodes.address(), items.address());
@@ -261,7 +268,7 @@ impl Triangles {
         };
         let mesh_from_grid = packed.grid.mesh_from_grid;
         let (bvh, acceleration) =
-            hierarchy(gpu, instance, &mut record, || packed.aabbs(), || packed.bounds.clone())?;
+            hierarchy(gpu, instance, &mut record, || packed.aabbs(), || Ok(packed.bounds.clone()))?;
         record.nodes = corners.address();
         record.boxes = triangles.address();
         record.labels = materials.address();

@@ -76,10 +76,11 @@ impl Shown {
             None => {
                 // The host's copy comes first: where the host has no memory for it, the former scene stays.
                 let copy = FilmBuffer::with_passes(s.film.width, s.film.height, sums_of(s));
-                let copy = copy.map_err(RenderError::from)?;
+                let mut copy = copy.map_err(RenderError::from)?;
+                copy.rest_by(s.settings.adaptive).map_err(RenderError::from)?;
                 // Free the former film now: the new one may need its memory on the device.
                 *former = None;
-                Film::new(&machine.gpu, copy, s.settings.adaptive)?
+                Film::new(&machine.gpu, copy)?
             }
         };
         counted.rebuilt.camera += u64::from(plan.camera.is_build());

@@ -5,6 +5,9 @@
 
 use std::borrow::Cow;
 
+use pumice_core::NoMemory;
+use pumice_core::reserve::reserved;
+
 use crate::image::Image;
 use crate::metrics::display::{linear_from_srgb, srgb_from_linear};
 use crate::picture::Picture;
@@ -57,24 +60,35 @@ impl Mark {
     }
 }
 
-/// The colour and the alpha of a picture with its marks over them; both premultiplied.
-pub(crate) fn drawn_over(picture: &Picture) -> (Cow<'_, Image>, Option<Cow<'_, [f32]>>) {
-    let (mut color, mut alpha) = (Cow::Borrowed(&picture.color), picture.alpha.as_deref().map(Cow::Borrowed));
+/// The colour and the alpha of a picture with its marks over them; both premultiplied. Where there are marks, these are copies.
+///
+/// # Errors
+/// [`NoMemory`] where there is none for the copies.
+pub(crate) fn drawn_over(picture: &Picture) -> Result<(Cow<'_, Image>, Option<Cow<'_, [f32]>>), NoMemory> {
+    let Image { width, height, pixels } = &picture.color;
+    if picture.marks.is_empty() {
+        return Ok((Cow::Borrowed(&picture.color), picture.alpha.as_deref().map(Cow::Borrowed)));
+    }
+    let mut color = copied(pixels)?;
+    let mut alpha = picture.alpha.as_deref().map(copied).transpose()?;
     for mark in &picture.marks {
-        let (width, height) = (picture.color.width, picture.color.height);
-        let color = &mut color.to_mut().pixels;
-        mark.for_each_pixel(width, height, |i, a| {
+        mark.for_each_pixel(*width, *height, |i, a| {
             color[i] = [0, 1, 2].map(|c| color[i][c] * (1.0 - a) + mark.color[c] * a);
         });
         if let Some(alpha) = &mut alpha {
-            let alpha = alpha.to_mut();
             // A wrong length is refused where the file is written.
-            mark.for_each_pixel(width, height, |i, a| {
+            mark.for_each_pixel(*width, *height, |i, a| {
                 alpha.get_mut(i).into_iter().for_each(|to| *to = *to * (1.0 - a) + a);
             });
         }
     }
-    (color, alpha)
+    Ok((Cow::Owned(Image::new(*width, *height, color)), alpha.map(Cow::Owned)))
+}
+
+fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>, NoMemory> {
+    let mut copy = reserved(values.len(), "a picture with what is drawn over it")?;
+    copy.extend_from_slice(values);
+    Ok(copy)
 }
 
 /// Lays marks over display values of 8 bits, three or, with straight alpha, four bytes a pixel.
@@ -119,7 +133,7 @@ mod tests {
         let mut picture = Picture::of(Image::new(4, 3, vec![[0.5, 0.25, 2.0]; 12]));
         picture.alpha = Some(vec![0.5; 12]);
         picture.marks = vec![Mark::rectangle([2.5, -5.0], [100.0, 6.0], [0.0, 1.0, 0.0])];
-        let (color, alpha) = drawn_over(&picture);
+        let (color, alpha) = drawn_over(&picture).unwrap();
         let alpha = alpha.unwrap();
         for (i, (pixel, a)) in color.pixels.iter().zip(alpha.iter()).enumerate() {
             let covered = if i / 4 != 0 { 0.0 } else { [0.0, 0.0, 0.5, 1.0][i % 4] };

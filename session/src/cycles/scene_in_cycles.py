@@ -2,7 +2,9 @@
 
     JOB.json  scene       the scene file's object (docs/scene.md), every default written out, paths absolute
               instances   for each: vertices.npy (n, 3), quads.npy (m, 4), materials.npy (m,): a quad for each voxel face in index
-                          space, and the materials that the last counts in; `cut`: the same of triangles, where cuts pass
+                          space, and the materials that the last counts in; `cut`: the same of triangles, where cuts pass;
+                          labels.npy (m,) and `body`, which tell parts of one body (coincident_faces.py): without them labels are
+                          told by their materials, and each instance is a body of its own
               meshes      for each: vertices.npy, triangles.npy, materials.npy; normals.npy (m, 3, 3) at the triangles' corners, where
                           the mesh is smooth
               renders     [{seed, spp}, …]; without it, standard input asks for one picture after the other, each a line of JSON
@@ -32,13 +34,13 @@ import bpy
 import mathutils
 import numpy as np
 
+# (A script that the program Blender runs does not find its neighbors.)
+sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+import coincident_faces  # noqa: E402
+
 # Blender's own least; a scene's near of 0 means no clipping.
 LEAST_CLIP = 1e-6
 MOST_CLIP = 1e6
-
-# Distance in voxels between the faces of two labels that touch. It is exact for indices below 2^13, and thirty times the rounding of a
-# ray that is 1,000 voxels long.
-GAP = 2.0**-9
 
 # Largest cosine between two axes that location, rotation and scale of an object hold: the rounding of their 32 bits.
 MOST_SHEAR = 1e-6
@@ -114,25 +116,13 @@ def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smoo
     return obj
 
 
-def apart(vertices, quads):
-    """The quads, where two that coincide are moved apart, each by half of `GAP` into its own label, with corners of its own.
-
-    Cycles continues a ray behind a transparent surface from the next greater distance, so of two faces in one place it passes one.
-    """
-    corners = vertices[quads].astype(np.float64)
-    _, place, count = np.unique(corners.sum(axis=1), axis=0, return_inverse=True, return_counts=True)
-    touching = count[place.ravel()] > 1
-    if not touching.any():
-        return vertices, quads
-    outward = np.cross(corners[:, 1] - corners[:, 0], corners[:, 2] - corners[:, 0])
-    outward /= np.linalg.norm(outward, axis=1, keepdims=True)
-    moved = corners[touching] - 0.5 * GAP * outward[touching, None]
-    # The others keep the corners that they share; corners that none of them has are dropped.
-    used = np.zeros(len(vertices), dtype=bool)
-    used[quads[~touching]] = True
-    renumbered = np.cumsum(used)[quads] - 1
-    renumbered[touching] = used.sum() + np.arange(4 * len(moved)).reshape(-1, 4)
-    return np.concatenate([vertices[used], moved.reshape(-1, 3)]), renumbered
+def surface_of(number, instance, mesh):
+    """An instance's quads, and how they lie to those of others."""
+    vertices, quads, material = (np.load(mesh[key]) for key in ("vertices", "quads", "material_of_quad"))
+    label = np.load(mesh["label_of_quad"]) if "label_of_quad" in mesh else material
+    cut = np.load(mesh["cut"]["vertices"])[np.load(mesh["cut"]["triangles"])] if "cut" in mesh else None
+    place, body = matrix_of(instance["world_from_index"]), mesh.get("body", number)
+    return coincident_faces.Surface(vertices, quads, place, body, label, material, mesh["materials"], cut)
 
 
 def principled(name, fields):
@@ -374,19 +364,21 @@ def peak_bytes():
 
 
 def build(job):
-    """The job's scene as Blender's."""
+    """The job's scene as Blender's, and a line for each kind of faces of which no program knows an order."""
     bpy.ops.wm.read_homefile(use_factory_startup=True, use_empty=True)
     scene, wanted = bpy.context.scene, job["scene"]
     if wanted.get("cuts") and not job.get("cut_is_in_the_mesh", False):
         raise SystemExit("cuts: the meshes must be cut already")
     smooth = job.get("smooth", False)
-    for i, (instance, mesh) in enumerate(zip(wanted["instances"], job["instances"], strict=True)):
-        place = matrix_of(instance["world_from_index"])
-        vertices, quads, material_of_quad = (np.load(mesh[key]) for key in ("vertices", "quads", "material_of_quad"))
-        mesh_object(f"volume {i}", *apart(vertices, quads), material_of_quad, mesh["materials"], place, smooth)
+    of_instance = list(zip(wanted["instances"], job["instances"], strict=True))
+    surfaces = [surface_of(i, instance, mesh) for i, (instance, mesh) in enumerate(of_instance)]
+    without_order = coincident_faces.settle(surfaces)
+    for i, ((_, mesh), surface) in enumerate(zip(of_instance, surfaces, strict=True)):
+        vertices, quads, kept = surface.settled()
+        mesh_object(f"volume {i}", vertices, quads, surface.material[kept], mesh["materials"], surface.place, smooth)
         if "cut" in mesh:
             arrays = (np.load(mesh["cut"][key]) for key in ("vertices", "triangles", "material_of_triangle"))
-            mesh_object(f"volume {i} cut", *arrays, mesh["materials"], place, smooth)
+            mesh_object(f"volume {i} cut", *arrays, mesh["materials"], surface.place, smooth)
     for i, (instance, mesh) in enumerate(zip(wanted.get("meshes", []), job.get("meshes", []), strict=True)):
         arrays = (np.load(mesh[key]) for key in ("vertices", "triangles", "material_of_triangle"))
         normals = np.load(mesh["normals"]) if "normals" in mesh else None
@@ -398,7 +390,7 @@ def build(job):
     add_suns(wanted["suns"])
     add_lights(wanted.get("lights", []))
     set_cycles(scene, wanted["settings"], job)
-    return scene
+    return scene, without_order
 
 
 class Painter:
@@ -406,7 +398,7 @@ class Painter:
 
     def __init__(self, job, folder):
         self.path = os.path.join(folder, "picture.exr")
-        self.scene = build(job)
+        self.scene, self.without_order = build(job)
         self.transparent = self.scene.render.film_transparent
         self.shadow_apart = "shadow_catcher" in job["scene"]["film"].get("passes", [])
         self.with_kinds = bool(job.get("passes"))
@@ -455,6 +447,7 @@ def main(job):
             "blender": bpy.app.version_string,
             "built": {"cpu_seconds": cpu_seconds() - before["cpu_seconds"], "seconds": time.perf_counter() - before["seconds"]},
             "bytes_before": before["peak_bytes"],
+            "without_order": painter.without_order,
         }
         if "renders" not in job:
             serve(painter, {**report, "path": job["report"]})

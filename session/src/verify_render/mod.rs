@@ -180,7 +180,7 @@ pub fn verify_render(
     let began = Instant::now();
     let (mut ours, mut theirs) = (Series::default(), Series::default());
     let (mut look, mut next_look) = (0, FIRST_LOOK);
-    let (agreement, cycles_bytes) = loop {
+    let (mut agreement, cycles_bytes) = loop {
         watch(VerifyProgress { pictures: ours.set.len(), next_look, verdict: None });
         let number = ours.set.len() as u64 + 1;
         let (picture, seconds) = us.picture(&subject.scene, number, request.spp, job)?;
@@ -206,6 +206,8 @@ pub fn verify_render(
         (look, next_look) = (look + 1, 2 * next_look);
     };
 
+    let sentence = said(&mut agreement, cycles.without_order(), &mut subject.notes);
+
     // Say it.
     let means = [ours.set.mean(), theirs.set.mean()];
     let [Some(mut our_mean), Some(mut their_mean)] = means else {
@@ -221,7 +223,7 @@ pub fn verify_render(
     })?;
     let film = &subject.scene.scene().film;
     let verified = VerifiedRender {
-        sentence: agreement.sentence(),
+        sentence,
         comparison,
         surface: subject.surface(),
         faces: cycles.faces(),
@@ -244,6 +246,23 @@ pub fn verify_render(
         write_page(path, request, &verified)?;
     }
     Ok(verified)
+}
+
+/// The verdict in a sentence. Where the scene has faces `without_order`, a difference proves nothing: it then cannot be judged.
+fn said(agreement: &mut Agreement, without_order: &[String], notes: &mut Vec<String>) -> String {
+    let sentence = agreement.sentence();
+    if without_order.is_empty() {
+        return sentence;
+    }
+    let unordered = without_order.join(", and ");
+    notes.push(format!("No program says which is passed first: {unordered}."));
+    if agreement.verdict != Verdict::Differs {
+        return sentence;
+    }
+    agreement.verdict = Verdict::CannotTell;
+    format!(
+        "Cannot be judged: {unordered}, of which no program says which is passed first. Otherwise it would be: {sentence}"
+    )
 }
 
 /// Our renderer.
@@ -333,6 +352,39 @@ impl Series {
             bytes,
             error_estimate: self.curve.error(),
             curve: self.curve.points().to_vec(),
+        }
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Eight even pictures of 8 × 8 pixels.
+    fn even(value: f32) -> PictureSet {
+        let mut set = PictureSet::default();
+        (0..8).for_each(|_| set.push(Image::new(8, 8, vec![[value; 3]; 64])));
+        set
+    }
+
+    #[test]
+    fn a_difference_of_a_scene_without_an_order_is_not_judged() {
+        let lines = ["faces in one place (3)".to_owned(), "planes (1)".to_owned()];
+        for (theirs, lines, verdict, begins) in [
+            (
+                2.0,
+                &lines[..],
+                Verdict::CannotTell,
+                "Cannot be judged: faces in one place (3), and planes (1), of",
+            ),
+            (2.0, &[], Verdict::Differs, "Differs: "),
+            (1.0, &lines[..], Verdict::Agrees, "Agrees: "),
+        ] {
+            let mut agreement = judge(&even(1.0), &even(theirs), &[true; 64], level_of_look(0));
+            let mut notes = Vec::new();
+            let sentence = said(&mut agreement, lines, &mut notes);
+            assert!(sentence.starts_with(begins) && !sentence.contains('\n'), "{sentence}");
+            assert_eq!((agreement.verdict, notes.len()), (verdict, usize::from(!lines.is_empty())));
         }
     }
 }

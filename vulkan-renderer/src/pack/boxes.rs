@@ -1,8 +1,9 @@
 //! Packs the boxes that are drawn, in Morton order for the hierarchies, and the record of their instance.
 
-use pumice_core::{BoxRecord, CompressedVolume, morton};
-use pumice_transport::BoxBounds;
+use pumice_core::reserve::reserved;
+use pumice_core::{BoxRecord, CompressedVolume, NoMemory, morton};
 use pumice_transport::geometry::{Detail, LodChoice, Neighbors, Placement, visible_boxes};
+use pumice_transport::{BoxBounds, RenderError};
 
 use super::PackedNodes;
 use crate::layout::{Chunk, Instance, LOD_BY_DISTANCE};
@@ -25,6 +26,9 @@ pub struct PackedBoxes {
     dims: [u32; 3],
 }
 
+/// What the memory is for, in errors.
+const BOXES: &str = "a list of the boxes for the device";
+
 /// Added to the margin of hardware's boxes, in voxels. Moving a ray into index space in f64 loses less than this while its origin is within
 /// 2⁴⁰ voxels. The BVH of compute shaders widens its boxes by the ray's own error instead, which hardware cannot do.
 const FAR_MARGIN: f32 = 1.0 / 256.0;
@@ -33,26 +37,26 @@ impl PackedBoxes {
     /// Packs the boxes of visible labels. Bounds are those of the voxels if `tight`, otherwise those of the boxes.
     ///
     /// # Errors
-    /// One line that names the limit: more than 2³² boxes, or nodes too far from each other for a box record.
+    /// [`RenderError::Scene`] names the limit: more than 2³² boxes, or nodes too far from each other for a box record;
+    /// [`RenderError::Memory`] where there is too little.
     pub fn new(
         volume: &CompressedVolume,
         nodes: &PackedNodes,
         visible: &[bool],
         tight: bool,
-    ) -> Result<Self, String> {
+    ) -> Result<Self, RenderError> {
         if volume.boxes().len() as u64 >> 32 != 0 {
-            return Err(format!(
-                "{} boxes are more than the limit of 2^32 of one instance",
-                volume.boxes().len()
-            ));
+            let count = volume.boxes().len();
+            let what = format!("{count} boxes are more than the limit of 2^32 of one instance");
+            return Err(RenderError::Scene(what));
         }
         let mut drawn = visible_boxes(volume, visible, tight);
         drawn.sort_unstable_by_key(|&(b, item)| (morton::encode(b.lo.map(|v| v / 4)), b, item));
         let mut packed = Self {
-            boxes: Vec::with_capacity(drawn.len()),
-            labels: Vec::with_capacity(drawn.len()),
-            items: Vec::with_capacity(drawn.len()),
-            bounds: Vec::with_capacity(drawn.len()),
+            boxes: reserved(drawn.len(), BOXES)?,
+            labels: reserved(drawn.len(), BOXES)?,
+            items: reserved(drawn.len(), BOXES)?,
+            bounds: reserved(drawn.len(), BOXES)?,
             dims: volume.info().dims,
             ..Self::default()
         };
@@ -82,7 +86,8 @@ impl PackedBoxes {
             let record = volume.boxes()[index as usize];
             let node = nodes.place(volume.chunks()[chunk].node_base + u64::from(record.node())) - least;
             let node = u32::try_from(node).map_err(|_| {
-                format!("chunk at {:?}: expected nodes less than 2^32 words apart, got {node}", bounds.lo)
+                let what = format!("chunk at {:?}: expected nodes less than 2^32 words apart", bounds.lo);
+                RenderError::Scene(format!("{what}, got {node}"))
             })?;
             let record = BoxRecord::new(record.cell(), record.extent(), node);
             packed.boxes.push(record.0);
@@ -98,15 +103,16 @@ impl PackedBoxes {
     /// find nothing and go on. Measurements use it to find what leaving out the boxes saves.
     ///
     /// # Errors
-    /// One line, where the nodes are too far from each other for a box record.
-    pub fn hide(&mut self, nodes: &PackedNodes, visible: &[bool]) -> Result<(), String> {
+    /// [`RenderError::Scene`] where the nodes are too far from each other for a box record.
+    pub fn hide(&mut self, nodes: &PackedNodes, visible: &[bool]) -> Result<(), RenderError> {
         for (i, label) in self.labels.iter().enumerate() {
             if visible.get(*label as usize).copied().unwrap_or(false) {
                 continue;
             }
             let chunk = &self.chunks[self.chunks.partition_point(|c| c.first_box as usize <= i) - 1];
             let node = u32::try_from(nodes.empty() - chunk.node_base).map_err(|_| {
-                format!("chunk at {:?}: nodes are too far apart for a box record", chunk.origin)
+                let what = format!("chunk at {:?}: nodes are too far apart for a box record", chunk.origin);
+                RenderError::Scene(what)
             })?;
             let record = BoxRecord(self.boxes[i]);
             self.boxes[i] = BoxRecord::new(record.cell(), record.extent(), node).0;
@@ -115,8 +121,13 @@ impl PackedBoxes {
     }
 
     /// Bounds and number of each box, as `pumice_transport::Bvh::build` takes them.
-    pub fn numbered(&self) -> Vec<(BoxBounds, u32)> {
-        self.bounds.iter().zip(0..).map(|(&b, i)| (b, i)).collect()
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn numbered(&self) -> Result<Vec<(BoxBounds, u32)>, NoMemory> {
+        let mut numbered = reserved(self.bounds.len(), BOXES)?;
+        numbered.extend(self.bounds.iter().zip(0..).map(|(&b, i)| (b, i)));
+        Ok(numbered)
     }
 
     /// For each box, the near boxes of the same label: ends of lists, then the lists. Smooth voxel normals need them.
@@ -128,7 +139,10 @@ impl PackedBoxes {
 
     /// Bounds for hardware's hierarchies, in index space: lowest and highest corner. They are wider than the boxes by more than the
     /// rounding errors of rays and of the hardware's own test.
-    pub fn aabbs(&self) -> Vec<[f32; 6]> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn aabbs(&self) -> Result<Vec<[f32; 6]>, NoMemory> {
         aabbs_of(self.bounds.iter().copied(), self.around_all())
     }
 
@@ -153,13 +167,18 @@ impl PackedBoxes {
 }
 
 /// Bounds for hardware's hierarchies of boxes that all lie within `all`.
-pub(super) fn aabbs_of(bounds: impl Iterator<Item = BoxBounds>, all: BoxBounds) -> Vec<[f32; 6]> {
+pub(super) fn aabbs_of(
+    bounds: impl ExactSizeIterator<Item = BoxBounds>,
+    all: BoxBounds,
+) -> Result<Vec<[f32; 6]>, NoMemory> {
     let margin = 2.0 * all.pad() + FAR_MARGIN;
     let corners = |b: BoxBounds| {
         let (lo, hi) = (b.lo.map(|v| v as f32 - margin), b.hi.map(|v| v as f32 + margin));
         [lo[0], lo[1], lo[2], hi[0], hi[1], hi[2]]
     };
-    bounds.map(corners).collect()
+    let mut aabbs = reserved(bounds.len(), BOXES)?;
+    aabbs.extend(bounds.map(corners));
+    Ok(aabbs)
 }
 
 /// Writes a placement and a level of detail into the record. The boxes stay as they are.

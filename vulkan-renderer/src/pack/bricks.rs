@@ -1,12 +1,16 @@
 //! Packs the drawn voxels of a volume as bricks. The form is the CPU's, but boxes have their numbers among the drawn boxes.
 
-use pumice_core::CompressedVolume;
+use pumice_core::reserve::{reserved, zeroed};
+use pumice_core::{CompressedVolume, NoMemory};
 use pumice_transport::BoxBounds;
 use pumice_transport::geometry::{BLOCK, BRICK, Bricks, DetailLevel, LodChoice};
 
 use super::PackedBoxes;
 use super::boxes::aabbs_of;
 use crate::layout::{Brick, BrickBlock, BrickPart};
+
+/// What the memory is for, in errors.
+const BRICKS: &str = "a list of the bricks for the device";
 
 /// Bricks of one instance, parallel to the arrays of [`Bricks`].
 #[derive(Debug)]
@@ -26,28 +30,32 @@ pub struct PackedBricks {
 impl PackedBricks {
     /// Packs the boxes whose labels are `visible`. `None` where boxes have different levels of detail, where the volume is too sparse to be
     /// covered by blocks, and where coordinates of blocks would exceed 32 bits.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
     pub fn new(
         volume: &CompressedVolume,
         boxes: &PackedBoxes,
         visible: &[bool],
         lod: LodChoice,
-    ) -> Option<Self> {
+    ) -> Result<Option<Self>, NoMemory> {
         let level = match lod {
             LodChoice::Voxels => DetailLevel::Voxels,
             LodChoice::Cells => DetailLevel::Cells,
             LodChoice::Boxes => DetailLevel::Boxes,
-            LodChoice::Distance { .. } => return None,
+            LodChoice::Distance { .. } => return Ok(None),
         };
         let dims = volume.info().dims;
         if dims.iter().any(|&n| n > u32::MAX - BLOCK) {
-            return None;
+            return Ok(None);
         }
         let is_visible = |label: u32| visible.get(label as usize).copied().unwrap_or(false);
         let drawn = (0u32..).zip(&boxes.items).zip(&boxes.labels).filter(|&(_, &label)| is_visible(label));
-        let mut numbers: Vec<(u32, u32)> = drawn.map(|((number, &item), _)| (item, number)).collect();
+        let mut numbers: Vec<(u32, u32)> = reserved(boxes.items.len(), BRICKS)?;
+        numbers.extend(drawn.map(|((number, &item), _)| (item, number)));
         numbers.sort_unstable();
-        let items: Vec<u32> = numbers.iter().map(|&(item, _)| item).collect();
-        let made = Bricks::new(volume, &items, level)?;
+        let items: Vec<u32> = listed(numbers.iter().map(|&(item, _)| item))?;
+        let Some(made) = Bricks::new(volume, &items, level) else { return Ok(None) };
         // Every part belongs to one of these items.
         let number_of = |item: u32| numbers[numbers.partition_point(|&(i, _)| i < item)].1;
         let blocks = made.blocks().iter();
@@ -64,17 +72,20 @@ impl PackedBricks {
             box_number: number_of(part.item),
             label: part.label,
         });
-        Some(Self {
-            blocks: blocks.collect(),
-            bricks: bricks.collect(),
-            fields: made.fields().to_vec(),
-            parts: parts.collect(),
-            corners: corners_of(&made, dims),
-        })
+        Ok(Some(Self {
+            blocks: listed(blocks)?,
+            bricks: listed(bricks)?,
+            fields: listed(made.fields().iter().copied())?,
+            parts: listed(parts)?,
+            corners: corners_of(&made, dims)?,
+        }))
     }
 
     /// Bounds of the occupied cells of each brick for hardware's hierarchies; see [`PackedBoxes::aabbs`].
-    pub fn aabbs(&self, boxes: &PackedBoxes) -> Vec<[f32; 6]> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn aabbs(&self, boxes: &PackedBoxes) -> Result<Vec<[f32; 6]>, NoMemory> {
         let bounds = self.corners.iter().zip(&self.bricks).map(|(corner, brick)| {
             let has =
                 |a: usize, at: u32| (0..64).any(|c| c >> (2 * a) & 3 == at && brick.occupied >> c & 1 != 0);
@@ -90,9 +101,9 @@ impl PackedBricks {
 }
 
 /// Lowest voxel of each brick, in the bricks' order.
-fn corners_of(made: &Bricks, dims: [u32; 3]) -> Vec<[u32; 3]> {
+fn corners_of(made: &Bricks, dims: [u32; 3]) -> Result<Vec<[u32; 3]>, NoMemory> {
     let along = dims.map(|n| n.div_ceil(BLOCK));
-    let mut corners = vec![[0; 3]; made.bricks().len() - 1];
+    let mut corners: Vec<[u32; 3]> = zeroed(made.bricks().len() - 1, BRICKS)?;
     for (number, block) in (0u32..).zip(made.blocks()) {
         let at = [number % along[0], number / along[0] % along[1], number / along[0] / along[1]];
         let places = (0..64u32).filter(|&place| block.occupied >> place & 1 != 0);
@@ -100,5 +111,12 @@ fn corners_of(made: &Bricks, dims: [u32; 3]) -> Vec<[u32; 3]> {
             *corner = [0, 1, 2].map(|a| BLOCK * at[a] + BRICK * (place >> (2 * a) & 3));
         }
     }
-    corners
+    Ok(corners)
+}
+
+/// A list of all these, whose memory is asked for first.
+fn listed<T>(all: impl ExactSizeIterator<Item = T>) -> Result<Vec<T>, NoMemory> {
+    let mut list = reserved(all.len(), BRICKS)?;
+    list.extend(all);
+    Ok(list)
 }

@@ -11,7 +11,7 @@
 //! the others              the same, of the mesh's grid
 //! ```
 
-use pumice_core::MeshData;
+use pumice_core::{MeshData, NoMemory};
 use pumice_transport::geometry::{MeshGrid, Placement};
 use pumice_transport::{BoxBounds, RenderError};
 
@@ -45,7 +45,10 @@ impl PackedMesh {
     }
 
     /// Bounds for hardware's hierarchies; see [`super::PackedBoxes::aabbs`].
-    pub fn aabbs(&self) -> Vec<[f32; 6]> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn aabbs(&self) -> Result<Vec<[f32; 6]>, NoMemory> {
         aabbs_of(self.bounds.iter().map(|b| b.0), self.all)
     }
 

@@ -6,7 +6,8 @@
 //! kept             (a → 0) (c → 20) (d → 44)     words; empty where all are kept and nothing moves
 //! ```
 
-use pumice_core::CompressedVolume;
+use pumice_core::reserve::reserved;
+use pumice_core::{CompressedVolume, NoMemory};
 
 /// The nodes of the wanted labels.
 #[derive(Debug, Default)]
@@ -66,14 +67,17 @@ impl PackedNodes {
         self.words
     }
 
-    /// Length of [`PackedNodes::bytes`].
+    /// Length of [`PackedNodes::packed`].
     pub fn len_bytes(&self) -> u64 {
         2 * (self.words + SPARE_WORDS as u64)
     }
 
-    /// The nodes, and a few spare bytes behind them.
-    pub fn bytes(&self, volume: &CompressedVolume) -> Vec<u8> {
-        let mut words: Vec<u16> = Vec::with_capacity(self.words as usize + SPARE_WORDS);
+    /// The nodes, and a few spare words behind them.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn packed(&self, volume: &CompressedVolume) -> Result<Vec<u16>, NoMemory> {
+        let mut words = reserved(self.words as usize + SPARE_WORDS, "the nodes of a volume for the device")?;
         if self.kept.is_empty() {
             words.extend_from_slice(&volume.nodes()[..self.words as usize]);
         }
@@ -81,7 +85,7 @@ impl PackedNodes {
             words.extend_from_slice(&volume.nodes()[from as usize..][..length(volume, from)]);
         }
         words.resize(words.len() + SPARE_WORDS, 0);
-        bytemuck::cast_slice(&words).to_vec()
+        Ok(words)
     }
 
     /// The leaves, in this order: words of a long reference, byte offset of the patterns, byte offset of the rare fields, 0 (4 bytes each);

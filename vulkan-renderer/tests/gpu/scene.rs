@@ -45,14 +45,15 @@ impl Uploaded {
             record.chunks = uploaded.put(gpu, &boxes.chunks);
             record.boxes = uploaded.put(gpu, &boxes.boxes);
             record.labels = uploaded.put(gpu, &boxes.labels);
-            record.nodes = uploaded.put(gpu, &nodes.bytes(&t.volume));
+            record.nodes = uploaded.put(gpu, &nodes.packed(&t.volume).expect("packed"));
             record.leaves = uploaded.put(gpu, &PackedNodes::leaves(&t.volume));
             let bricks = match form {
                 Form::Boxes => None,
-                Form::Bricks => PackedBricks::new(&t.volume, &boxes, &t.visible, t.lod),
+                Form::Bricks => PackedBricks::new(&t.volume, &boxes, &t.visible, t.lod).expect("packed"),
             };
+            let numbered = boxes.numbered().expect("numbered");
             let Some(bricks) = bricks else {
-                uploaded.push(gpu, record, &boxes.aabbs(), boxes.numbered());
+                uploaded.push(gpu, record, &boxes.aabbs().expect("bounds"), numbered);
                 continue;
             };
             record.blocks = uploaded.put(gpu, &bricks.blocks);
@@ -61,7 +62,7 @@ impl Uploaded {
             record.brick_parts = uploaded.put(gpu, &bricks.parts);
             record.brick_corners = uploaded.put(gpu, &bricks.corners);
             // (Shaders that traverse bricks as a grid search boxes for queries about one label alone, which no renderer makes.)
-            uploaded.push(gpu, record, &bricks.aabbs(&boxes), boxes.numbered());
+            uploaded.push(gpu, record, &bricks.aabbs(&boxes).expect("bounds"), numbered);
         }
         uploaded
     }
@@ -86,7 +87,7 @@ impl Uploaded {
         record.boxes = self.put(gpu, mesh.triangles());
         record.labels = self.put(gpu, &packed.materials);
         record.leaves = if mesh.is_smooth() { self.put(gpu, mesh.normals()) } else { 0 };
-        self.push(gpu, record, &packed.aabbs(), packed.bounds.clone());
+        self.push(gpu, record, &packed.aabbs().expect("bounds"), packed.bounds.clone());
     }
 
     fn push(&mut self, gpu: &Gpu, mut record: Instance, aabbs: &[[f32; 6]], numbered: Vec<(BoxBounds, u32)>) {

@@ -58,7 +58,7 @@ fn boxes_of_volume_are_read_as_compressed(volume: &Arc<CompressedVolume>) {
     let Detail::ByDistance(by) = lod.placed(&DAffine3::IDENTITY) else { panic!("by distance") };
     let nodes = PackedNodes::new(volume, &traced.visible);
     assert!(nodes.len_bytes() < 2 * volume.nodes().len() as u64, "hidden labels' nodes are left out");
-    assert_eq!(nodes.bytes(volume).len() as u64, nodes.len_bytes());
+    assert_eq!(2 * nodes.packed(volume).expect("packed").len() as u64, nodes.len_bytes());
     let packed = PackedBoxes::new(volume, &nodes, &traced.visible, false).expect("packed");
     let mut uploaded = Uploaded::new(&gpu, std::slice::from_ref(&traced), Form::Bricks);
     let scene = uploaded.header(&gpu, SceneHeader::default());
