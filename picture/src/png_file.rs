@@ -14,7 +14,7 @@ use pumice_core::reserve::size_text;
 use pumice_core::write_atomically;
 use rayon::prelude::*;
 
-use crate::annotate::over_display;
+use crate::annotate::{Inks, over_display};
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
 use crate::provenance_paths::{PicturePaths, for_file};
@@ -127,7 +127,8 @@ fn pixels_of(
             }
         }
     };
-    over_display(&picture.marks, &mut bytes, color.width, 3 + usize::from(has_alpha(picture, background)));
+    let channels = 3 + usize::from(has_alpha(picture, background));
+    over_display(&picture.marks, &Inks::over(picture, background), &mut bytes, color.width, channels);
     Ok(bytes)
 }
 
