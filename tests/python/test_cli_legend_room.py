@@ -63,7 +63,7 @@ def test_what_is_shown_keeps_clear_of_the_legend(pumice, volumes, tmp_path, volu
 def test_in_a_turntable_every_picture_keeps_clear_of_the_legend(pumice, volumes, tmp_path):
     flags = [*FAST, "--size", "360x240", "--turntable", "3", "--save-scene", tmp_path / "s.json"]
     run(pumice, "render", volumes / "ct.pumice", "-o", tmp_path / "wide.exr", *flags).fine()
-    run(pumice, "render", volumes / "ct.pumice", "-o", tmp_path / "turn.exr", *flags, "--dpi", DPI, "--legend=4").fine()
+    run(pumice, "render", volumes / "ct.pumice", "-o", tmp_path / "turn.exr", *flags, "--dpi", DPI, "--legend").fine()
     run(pumice, "render", tmp_path / "s.json", "-o", tmp_path / "plain.exr", *FAST).fine()
     marked, plain = planes(tmp_path / "turn_0001.exr"), planes(tmp_path / "plain.exr")
     legend = bounds(np.any([marked[c] != plain[c] for c in "RGB"], axis=0))
@@ -99,9 +99,9 @@ def test_text_is_white_over_dark_pictures_and_black_over_light_ones(pumice, volu
     fields["world"]["backdrop"] = [[backdrop] * 3] * 2
     fields["camera"]["projection"] = {"orthographic": {"scale": 40.0}}
     scene.write_text(json.dumps(fields))
-    wishes = ["--dpi", DPI, "--scale-bar", "auto", "--legend=2", "--view-transform", view]
+    wishes = ["--dpi", DPI, "--scale-bar", "auto", "--legend=2"]
     run(pumice, "render", scene, "-o", tmp_path / "a.exr", *FAST, *wishes).fine()
-    run(pumice, "render", scene, "-o", tmp_path / "a.png", *FAST, *wishes).fine()
+    run(pumice, "render", scene, "-o", tmp_path / "a.png", *FAST, *wishes, "--view-transform", view).fine()
     exr, png = planes(tmp_path / "a.exr")["G"], np.asarray(Image.open(tmp_path / "a.png"))[..., 1]
     # The middle of the bar: 4 mm from the lower side, 0.7 mm thick; its end is 4 mm from the right side.
     y, x = round(200 - 4.35 * MM), round(300 - 6 * MM)
