@@ -31,10 +31,12 @@ def main(folder):
         text = text.replace(few, few.replace(str(FEW), str(MANY)))
     run_page(PAGE, text)
     for path in sorted(folder.glob("cookbook-*.png")):
-        # Noise costs most of a picture's bytes, and fewer colours take most of the noise. Without dithering, which is noise again. Median cut
-        # gave two swatches of a legend one colour; this keeps rare colours to 7 of 255, and white.
+        # Noise costs most of a picture's bytes, and fewer colours take most of the noise. Without dithering, which is noise again. On
+        # white, maximum coverage keeps the colours of swatches to 7 of 255, where median cut made two of them one; of a backdrop it makes bands.
         rgb = Image.open(path).convert("RGB")
-        fewer = rgb.quantize(256, method=Image.Quantize.MAXCOVERAGE, kmeans=2, dither=Image.Dither.NONE)
+        is_white = rgb.getpixel((0, 0)) == (255, 255, 255)
+        method, rounds = (Image.Quantize.MAXCOVERAGE, 2) if is_white else (Image.Quantize.MEDIANCUT, 0)
+        fewer = rgb.quantize(256, method=method, kmeans=rounds, dither=Image.Dither.NONE)
         fewer.save(HERE.parent / path.name, optimize=True)
         print(f"{path.name}: {(HERE.parent / path.name).stat().st_size} bytes")
 
