@@ -202,7 +202,9 @@ fn measure(name: &str, shape: &Shape, count: usize, job: &Job) -> Result<Instanc
     let material = Material { base_color: [0.7; 3], specular: 0.0, roughness: 1.0, ..Material::default() };
     let around = |material, bounces| Surroundings {
         lights: Arc::new(Lights::new(Sky::Constant(Vec3::ONE), Vec::new(), None)),
-        materials: vec![Arc::new(MaterialTable::same(material)); count].into(),
+        materials: std::iter::repeat_n(Arc::new(MaterialTable::same(material)), count)
+            .collect::<Vec<_>>()
+            .into(),
         settings: Settings { bounces, ..Settings::default() },
     };
     let dull = around(material, 3);

@@ -14,7 +14,7 @@ use pumice_core::reserve::{size_text, zeroed};
 use pumice_core::write_atomically;
 use rayon::prelude::*;
 
-use crate::annotate::over_display;
+use crate::annotate::{Inks, over_display};
 use crate::exr_file::check_size;
 use crate::exr_read::Failure;
 use crate::provenance_paths::{PicturePaths, for_file};
@@ -129,7 +129,7 @@ fn pixels_of(
             }
         }
     }
-    over_display(&picture.marks, &mut bytes, color.width, channels);
+    over_display(&picture.marks, &Inks::over(picture, background), &mut bytes, color.width, channels);
     Ok(bytes)
 }
 

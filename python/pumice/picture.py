@@ -225,8 +225,8 @@ def render(
     `width_mm`: width on paper, which sets the pixels across at `dpi` (default 300); the height follows from the shape of the scene's film.
     `dpi`: pixels per inch that files of the picture state. `scale_bar`: a bar in the lower right corner, such as `10um` or `auto`, in a
     perspective view with its plane: `10um@center`, `auto@focus`, `10um@12.5`. `legend`: names and colours of at most so many shown labels, most
-    voxels first, in the upper left corner. Both are in `save` and `srgb` and not in `color` and the passes.
-    `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
+    voxels first, in the upper left corner, beside which `figure(…, legend=…)` frames what it shows. Both are in `save` and `srgb` and not in
+    `color` and the passes. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
     """
     require_end(scene, spp, seconds, error)
     annotate = arguments.annotate_as(width_mm, dpi, scale_bar, legend)

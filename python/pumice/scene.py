@@ -126,6 +126,8 @@ def figure(
     distance: float | None = None,
     frame: Literal["labels", "volume"] = "labels",
     turntable: int | None = None,
+    legend: int | None = None,
+    dpi: float | None = None,
     view_deg: tuple[float, float] | None = None,
 ) -> Scene:
     """Composes a scene that shows a volume: places, frames and lights it, and gives labels colours that differ between neighbours.
@@ -143,7 +145,8 @@ def figure(
     `focus`: a selector, or a distance as a float; `aperture`: `"f/2.8"`, or a radius in world units, of which a figure's diagonal has 10.
     `view`: the direction of the camera in degrees, around the vertical axis and above the horizon (24, 24 by default); `view_deg` is its older name.
     `distance`: of the camera from the middle. `frame`: `volume` keeps camera and scale whatever labels are shown.
-    `turntable`: frames what is shown for that many pictures of `Scene.turntable`. `source` is the volume's file in the scene; without it the
+    `turntable`: frames what is shown for that many pictures of `Scene.turntable`. `legend`, `dpi`: leave room for the legend that `render` draws
+    with the same two keywords over a picture of this `size`; without effect with `distance` or `frame="volume"`. `source` is the volume's file in the scene; without it the
     file that the volume was opened from or last saved to, with the keywords of `open`, or `memory` if there is none.
     """
     pixels = [arguments.whole("size", n, 1, MOST_PIXELS) for n in _two("size", size)]
@@ -175,6 +178,10 @@ def figure(
     if distance is not None:
         flags.append(("distance", _number("distance", distance)))
     flags.append(("frame", _text("frame", frame)))
+    if legend is not None:
+        flags.append(("legend", str(arguments.whole("legend", legend, 1, arguments.MOST_32))))
+    if dpi is not None:
+        flags.append(("dpi", repr(arguments.positive("dpi", dpi))))
     known = volume._source if source is None else (arguments.path("source", source), None)
     file, read_as = known or ("memory", None)
     native = _native.figure(volume._native, file, (pixels[0], pixels[1]), ids, flags)

@@ -2,7 +2,7 @@
 //! single label.
 
 use pumice_scene::{LabelGroups as Groups, Material, Show};
-use pyo3::buffer::{PyBuffer, ReadOnlyCell};
+use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 
 use crate::errors::{IntoException, input};
@@ -34,16 +34,12 @@ impl LabelGroups {
             )));
         }
         let materials: Vec<(Material, bool)> = materials.into_iter().zip(colored).collect();
-        // Read where they lie: copies of 10⁵ labels would cost more than what is made of them.
-        let in_one_piece = |name: &str| input(&format_args!("{name}: expected an array in one piece"));
-        let ids = ids.as_slice(py).ok_or_else(|| in_one_piece("ids"))?.iter().map(ReadOnlyCell::get);
-        let groups = groups.as_slice(py).ok_or_else(|| in_one_piece("groups"))?.iter().map(ReadOnlyCell::get);
-        let (colors, rest) = colors.as_slice(py).ok_or_else(|| in_one_piece("colors"))?.as_chunks::<4>();
+        let (ids, groups, colors) = (ids.to_vec(py)?, groups.to_vec(py)?, colors.to_vec(py)?);
+        let (colors, rest) = colors.as_chunks::<4>();
         if !rest.is_empty() {
             return Err(input(&"colors: expected four numbers for each label"));
         }
-        let colors = colors.iter().map(|color| color.each_ref().map(ReadOnlyCell::get));
-        Groups::from_columns(&materials, ids, groups, colors)
+        Groups::from_columns(&materials, &ids, &groups, colors)
             .map(Self)
             .map_err(IntoException::into_exception)
     }

@@ -92,6 +92,10 @@ def test_the_other_keywords_set_their_fields(blocks):
         ({"frame": "all"}, "frame: expected labels or volume, got all"),
         ({"turntable": 0}, "turntable: expected 1 to"),
         ({"floor": True, "view": (0, -10)}, "floor: it hides"),
+        ({"legend": 0}, "legend: expected 1 to"),
+        ({"legend": 3, "dpi": "300"}, "dpi: expected a number above 0"),
+        ({"legend": 3, "dpi": float("nan")}, "dpi: expected a number above 0"),
+        ({"legend": 3, "dpi": 4000}, "legend: a picture of 960 × 540 pixels at 4000 dpi has no room"),
     ],
 )
 def test_what_cannot_be_done_is_refused_by_name(blocks, keywords, what):

@@ -25,11 +25,23 @@ def test_files_and_display_values_have_bar_and_legend_and_arrays_do_not(scene, v
         np.testing.assert_array_equal(np.asarray(png), marked.srgb())
     marked.save(tmp_path / "a.exr")
     back = pumice.open_picture(tmp_path / "a.exr")
-    # Both are mixed in linear light; the PNG's background is rounded before, by half a step of 8 bits, which black above it only lessens, and
+    # Both are mixed in linear light; the PNG's background is rounded before, by half a step of 8 bits, which text above it only lessens, and
     # both are rounded after. What is brighter than white is clamped before in the PNG, and after in the EXR.
     within = (plain.color <= 1).all(axis=-1)
     assert np.abs(back.srgb().astype(int) - marked.srgb())[within].max() <= 1 and within.mean() > 0.9
     np.testing.assert_array_equal(back.label, plain.label)
+
+
+def test_a_figure_with_a_legend_shows_its_labels_beside_it(volume):
+    size = {"size": (400, 250), "view": (0, 0)}
+    pictures = {}
+    for legend in (None, 3):
+        scene = pumice.figure(volume, legend=legend, dpi=None if legend is None else 100, **size)
+        plain, marked = (pumice.render(scene, volume, spp=1, backend="cpu", dpi=100, legend=drawn) for drawn in (None, 3))
+        pictures[legend] = (plain.label > 0) & (marked.srgb() != plain.srgb()).any(axis=-1), plain.label > 0
+    assert pictures[3][0].sum() == 0 and pictures[3][1].sum() > 1000
+    # Negative control: the same labels without room for the legend.
+    assert pictures[None][0].sum() > 0
 
 
 def test_a_width_in_millimetres_sets_the_pixels(scene, volume):

@@ -41,7 +41,7 @@ impl LabelGroup {
                 format!("expected one color for each of {} labels, got {}", ids.len(), colors.len());
             return Err(fault("colors", problem));
         }
-        colors.iter().enumerate().try_for_each(|(place, color)| check_color(place, color))?;
+        check_colors(&colors)?;
         let members = if ids.is_sorted() {
             Members { ids, colors }
         } else {
@@ -117,17 +117,16 @@ impl LabelGroups {
         }
     }
 
-    /// Groups from columns, which may lie in another program's memory: label `ids[i]`, in rising order, belongs to group `of[i]` and has the
-    /// color `colors[i]` (linear Rec. 709; alpha is ignored). Each material comes with whether colours of labels replace its base colour.
-    /// Labels of a group past the last belong to none.
+    /// Groups from columns: label `ids[i]`, in rising order, belongs to group `of[i]` and has the color `colors[i]` (linear Rec. 709; alpha is
+    /// ignored). Each material comes with whether colours of labels replace its base colour. Labels of a group past the last belong to none.
     ///
     /// # Errors
     /// [`SceneError::Field`] names a column of another length, ids that do not rise, or a colour that is no number from 0 to 1.
     pub fn from_columns(
         materials: &[(Material, bool)],
-        ids: impl ExactSizeIterator<Item = u64>,
-        of: impl ExactSizeIterator<Item = u32> + Clone,
-        colors: impl ExactSizeIterator<Item = [f32; 4]>,
+        ids: &[u64],
+        of: &[u32],
+        colors: &[[f32; 4]],
     ) -> Result<Self, SceneError> {
         let fault = |field: &str, problem: String| Err(SceneError::Field { field: field.into(), problem });
         for (column, length) in [("groups", of.len()), ("colors", colors.len())] {
@@ -138,9 +137,13 @@ impl LabelGroups {
                 );
             }
         }
+        check_colors(colors)?;
+        if !ids.is_sorted_by(|a, b| a < b) {
+            return fault("ids", "expected rising ids".into());
+        }
         let mut counts = vec![0; materials.len()];
-        for group in of.clone() {
-            if let Some(count) = counts.get_mut(group as usize) {
+        for group in of {
+            if let Some(count) = counts.get_mut(*group as usize) {
                 *count += 1;
             }
         }
@@ -149,17 +152,11 @@ impl LabelGroups {
             colors: Vec::with_capacity(if *by_label { count } else { 0 }),
         });
         let mut members: Vec<Members> = room.collect();
-        let mut last = None;
-        for (place, ((id, group), color)) in ids.zip(of).zip(colors).enumerate() {
-            if last.is_some_and(|before| id <= before) {
-                return fault("ids", "expected rising ids".into());
-            }
-            last = Some(id);
-            check_color(place, &color)?;
+        for ((id, group), color) in ids.iter().zip(of).zip(colors) {
             if let (Some(own), Some((_, by_label))) =
-                (members.get_mut(group as usize), materials.get(group as usize))
+                (members.get_mut(*group as usize), materials.get(*group as usize))
             {
-                own.ids.push(id);
+                own.ids.push(*id);
                 if *by_label {
                     own.colors.push([color[0], color[1], color[2]]);
                 }
@@ -179,15 +176,16 @@ impl LabelGroups {
     }
 }
 
-/// Checks the first three numbers of a colour.
-fn check_color<const N: usize>(place: usize, color: &[f32; N]) -> Result<(), SceneError> {
-    if color.iter().take(3).all(|c| (0.0..=1.0).contains(c)) {
-        return Ok(());
+/// Checks the first three numbers of each colour.
+fn check_colors<const N: usize>(colors: &[[f32; N]]) -> Result<(), SceneError> {
+    let is_color = |color: &[f32; N]| color.iter().take(3).all(|c| (0.0..=1.0).contains(c));
+    match colors.iter().position(|color| !is_color(color)) {
+        None => Ok(()),
+        Some(place) => Err(SceneError::Field {
+            field: format!("colors[{place}]"),
+            problem: format!("expected 0 to 1, got {:?}", &colors[place][..3]),
+        }),
     }
-    Err(SceneError::Field {
-        field: format!("colors[{place}]"),
-        problem: format!("expected 0 to 1, got {:?}", &color[..3]),
-    })
 }
 
 /// The JSON form of a group.
@@ -245,16 +243,6 @@ mod tests {
     const BLUE: [f32; 3] = [0.0, 0.0, 1.0];
     const LARGE: u64 = u64::MAX;
 
-    fn columns(
-        materials: &[(Material, bool)],
-        ids: &[u64],
-        of: &[u32],
-        colors: &[[f32; 4]],
-    ) -> Result<LabelGroups, SceneError> {
-        let (ids, of, colors) = (ids.iter().copied(), of.iter().copied(), colors.iter().copied());
-        LabelGroups::from_columns(materials, ids, of, colors)
-    }
-
     fn group(ids: &[u64], colors: &[[f32; 3]]) -> Result<LabelGroup, SceneError> {
         LabelGroup::new(Material::DEFAULT, ids.to_vec(), colors.to_vec())
     }
@@ -290,14 +278,14 @@ mod tests {
         let [r, b] = [RED, BLUE].map(|[r, g, b]| [r, g, b, 0.5]);
         let materials = [(Material::DEFAULT, true), (other, false)];
         let made =
-            columns(&materials, &[2, 5, 7, 8], &[0, 1, 0, 9], &[r, r, b, b]).unwrap();
+            LabelGroups::from_columns(&materials, &[2, 5, 7, 8], &[0, 1, 0, 9], &[r, r, b, b]).unwrap();
         let listed = LabelGroups::new(vec![
             group(&[2, 7], &[RED, BLUE]).unwrap(),
             LabelGroup::new(other, vec![5], vec![]).unwrap(),
         ]);
         assert_eq!(made, listed.unwrap());
         let problem = |ids: &[u64], of: &[u32], colors: &[[f32; 4]]| {
-            columns(&materials, ids, of, colors).unwrap_err().to_string()
+            LabelGroups::from_columns(&materials, ids, of, colors).unwrap_err().to_string()
         };
         assert_eq!(problem(&[2, 5], &[0], &[r, r]), "groups: expected one value for each of 2 labels, got 1");
         assert_eq!(problem(&[2, 5], &[0, 0], &[r]), "colors: expected one value for each of 2 labels, got 1");

@@ -11,7 +11,7 @@ use pumice_core::{CompressedVolume, Unit};
 use pumice_picture::Annotations;
 use pumice_picture::annotate::{
     BarLength, BarPlane, DEFAULT_DPI, LegendRow, Mark, Paper, legend_marks, length_text, meters_of,
-    missing_characters, round_length, scale_bar_marks,
+    missing_characters, reach_of, round_length, scale_bar_marks,
 };
 use pumice_scene::{Instance, Mode};
 use pumice_transport::LoadedScene;
@@ -19,6 +19,8 @@ use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::material_table::MaterialTable;
 
 use crate::error::{Result, SessionError};
+use crate::figure::free_windows;
+use crate::legend_rows::{Listed, listed};
 use crate::render_file::Rendered;
 
 /// Part of the picture's width that a bar of automatic length fills at most.
@@ -74,7 +76,13 @@ pub fn lay_out(loaded: &LoadedScene, wishes: &Annotations) -> Result<LaidOut> {
                 missing.len()
             ));
         }
-        laid.marks.extend(legend_marks(&paper, &rows, more).map_err(refuse)?);
+        let marks = legend_marks(&paper, &rows, more).map_err(refuse)?;
+        if free_windows([film.width, film.height], reach_of(&marks)).is_empty() {
+            laid.notices.push(
+                "legend: it leaves no room for what is shown and covers it; expected a larger picture, a lower dpi or fewer labels".into(),
+            );
+        }
+        laid.marks.extend(marks);
     }
     if let Some(bar) = &wishes.scale_bar {
         let refuse = |what| SessionError::Caller(format!("scale bar {bar}: {what}"));
@@ -194,39 +202,24 @@ fn distance_of_middle(loaded: &LoadedScene, rays: &CameraRays) -> f64 {
     rays.forward.dot((low + high) / 2.0 - rays.position)
 }
 
-/// The labels of the legend, most voxels first, and how many there are beyond `most`.
+/// The lines of the legend, most voxels first, and how many labels there are beyond `most`.
 fn legend_rows(loaded: &LoadedScene, most: usize) -> std::result::Result<(Vec<LegendRow>, usize), String> {
     let scene = loaded.scene();
     if scene.settings.mode == Mode::AmbientOcclusion {
         return Err("in ambient occlusion all labels are white; expected another mode".into());
     }
-    let mut shown: Vec<(u64, usize, u32)> = Vec::new();
-    for (place, volume) in loaded.volumes().iter().enumerate() {
-        let visible = loaded.visible(place);
-        let rows = (0u32..).zip(volume.labels().voxels()).zip(visible).filter(|(_, is_shown)| *is_shown);
-        shown.extend(
-            rows.map(|((label, &voxels), _)| (voxels, place, label))
-                .filter(|(_, _, label)| volume.holds(*label)),
-        );
-    }
-    if shown.is_empty() {
-        return Err("the scene shows no label".into());
-    }
-    shown.sort_unstable_by_key(|&(voxels, place, label)| (std::cmp::Reverse(voxels), place, label));
-    let more = shown.len().saturating_sub(most);
-    shown.truncate(most);
+    let volumes = || loaded.volumes().iter().map(|volume| &**volume);
+    let (rows, more) = listed(volumes().enumerate().map(|(place, v)| (v, loaded.visible(place))), most)?;
     let mut tables: Vec<Option<MaterialTable>> = vec![None; loaded.volumes().len()];
-    let row = |&(_, place, label): &(u64, usize, u32)| {
-        let volume = &loaded.volumes()[place];
-        let (style, table) = (&scene.instances[place].style, volume.labels());
+    let row = |listed: &Listed| {
+        let place = listed.place;
+        let (style, table) = (&scene.instances[place].style, loaded.volumes()[place].labels());
         let materials = tables[place].get_or_insert_with(|| {
             MaterialTable::new(style, table.ids(), table.contacts().iter(), &loaded.visible(place))
         });
-        let name = volume.note(label).and_then(|note| note.name.clone()).filter(|name| !name.is_empty());
-        let name = name.unwrap_or_else(|| table.ids()[label as usize].to_string());
-        LegendRow { name: pumice_core::error::one_line(&name), color: materials.material(label).base_color }
+        listed.row(materials.material(listed.label).base_color)
     };
-    Ok((shown.iter().map(row).collect(), more))
+    Ok((rows.iter().map(row).collect(), more))
 }
 
 #[cfg(test)]

@@ -50,8 +50,8 @@ pub struct CompressOutcome {
     pub bytes_raw: u64,
     /// Bytes of the file.
     pub bytes_disk: u64,
-    /// Bytes of the compressed form in memory.
-    pub bytes_resident: u64,
+    /// Bytes of the compressed form in memory, without the hierarchy that rays need, which is built when it is rendered.
+    pub bytes_volume: u64,
     /// Warnings of the reader about the input, one line each.
     pub warnings: Vec<String>,
     /// How the table of labels fits the volume; `None` without a table.
@@ -98,7 +98,7 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         boxes: volume.boxes().len() as u64,
         bytes_raw: volume.info().voxels().saturating_mul(4),
         bytes_disk,
-        bytes_resident: volume.resident_parts().iter().map(|p| p.1).sum(),
+        bytes_volume: volume.resident_parts().iter().map(|p| p.1).sum(),
         warnings: request.reading.warnings.list(),
         table,
     })

@@ -46,6 +46,8 @@ pub struct PumiceInfo {
     /// Size of the raw volume at four bytes per voxel.
     pub bytes_raw: u64,
     pub bytes_disk: u64,
+    /// Bytes of the compressed form in memory: `resident_parts` without `acceleration`.
+    pub bytes_volume: u64,
     /// Sum of `resident_parts`.
     pub bytes_resident: u64,
     /// Bytes in memory by part, the acceleration structure for all labels included.
@@ -153,6 +155,7 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
     let mut parts: BTreeMap<String, u64> =
         volume.resident_parts().iter().map(|&(name, bytes)| (name.to_string(), bytes)).collect();
 
+    let bytes_volume = parts.values().sum();
     parts.insert("acceleration".into(), acceleration_bytes(&volume)?);
 
     let (info, labels) = (volume.info(), volume.labels());
@@ -172,6 +175,7 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
         content_hash: hash_text(&volume),
         bytes_raw: info.voxels().saturating_mul(4),
         bytes_disk,
+        bytes_volume,
         bytes_resident: parts.values().sum(),
         resident_parts: parts,
     })

@@ -12,6 +12,7 @@ pub mod figure;
 pub mod file_info;
 pub mod label_files;
 pub mod label_rows;
+mod legend_rows;
 pub mod live;
 pub mod measure;
 pub mod npy;

@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_picture::Image;
-use pumice_scene::Film;
+use pumice_scene::{Film, World};
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 
 use crate::backend::{FallbackRenderer, make_renderer};
@@ -45,7 +45,16 @@ pub struct Watching {
 #[derive(Debug)]
 pub struct PersistentRenderer {
     renderer: Mutex<FallbackRenderer>,
+    sky: Mutex<Option<HashedSky>>,
     board: Mutex<Board>,
+}
+
+/// The world that the renderer has, and the hash of its sky's picture. A renderer reads that picture when the world changes, and so does the hash:
+/// a sky of 100 MB is not read for each picture of an animation.
+#[derive(Debug)]
+struct HashedSky {
+    world: World,
+    hash: Option<String>,
 }
 
 #[derive(Debug, Default)]
@@ -71,7 +80,7 @@ impl PersistentRenderer {
     }
 
     fn of(renderer: FallbackRenderer) -> Self {
-        Self { renderer: Mutex::new(renderer), board: Mutex::default() }
+        Self { renderer: Mutex::new(renderer), sky: Mutex::default(), board: Mutex::default() }
     }
 
     /// Renders a scene until `stop` is met, and calls `watch` after each slice. A second call waits for the first.
@@ -131,7 +140,7 @@ impl PersistentRenderer {
 
         // Build what the scene needs and the last one had not.
         renderer.set_scene(scene)?;
-        let sky_hash = sky_hash_text(scene.scene())?;
+        let sky_hash = self.sky_hash(scene)?;
         let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
 
         // Add samples, with a frame now and then.
@@ -165,6 +174,21 @@ impl PersistentRenderer {
             sampling => sampling?,
         };
         Ok(report(renderer, scene, prepare_seconds, curve, picture, sky_hash))
+    }
+
+    /// The hash of a scene's sky, which the renderer has just been set to.
+    fn sky_hash(&self, scene: &LoadedScene) -> Result<Option<String>> {
+        // A panic leaves the last sky, whole.
+        let mut known = self.sky.lock().unwrap_or_else(PoisonError::into_inner);
+        let world = &scene.scene().world;
+        match &*known {
+            Some(sky) if sky.world == *world => Ok(sky.hash.clone()),
+            _ => {
+                let hash = sky_hash_text(scene.scene())?;
+                *known = Some(HashedSky { world: world.clone(), hash: hash.clone() });
+                Ok(hash)
+            }
+        }
     }
 
     /// Publishes frames with fewer pixels than the film, finer each time, as long as they are worth it.
@@ -261,5 +285,33 @@ mod tests {
             let error = drawn(&[("vulkan-rt", at)]).unwrap_err();
             assert_eq!(error.to_string(), "vulkan-rt on X: out of GPU memory", "{at:?}");
         }
+    }
+
+    #[test]
+    fn a_sky_is_hashed_once_until_the_world_changes() {
+        let folder = tempfile::tempdir().unwrap();
+        let path = folder.path().join("sky.exr");
+        std::fs::write(&path, "a sky").unwrap();
+        let (renderer, of_sky) = (PersistentRenderer::of(ways(&[("cpu", At::Never)], full).0), |strength| {
+            let mut scene = scene([4, 2]).scene().clone();
+            scene.world.environment =
+                pumice_scene::Environment::Image { path: path.clone(), rotation_rad: 0.0, strength };
+            scene
+        });
+        let drawn = |scene: pumice_scene::Scene| {
+            let of = self::scene([4, 2]);
+            let loaded = LoadedScene::new(scene, of.volumes().to_vec(), of.meshes().to_vec()).unwrap();
+            let stop = Stop { spp: Some(1), ..Stop::default() };
+            let rendered = renderer.render(&loaded, &stop, &Job::new(), Watching::default(), &mut |_| ());
+            rendered.map(|r| r.picture.provenance.unwrap().sky_hash)
+        };
+        let first = drawn(of_sky(1.0)).unwrap();
+        assert!(first.is_some());
+        // Without the file there is nothing to hash: the second picture has the hash of the first, a third under another world has none.
+        std::fs::remove_file(&path).unwrap();
+        let mut seen_from_elsewhere = of_sky(1.0);
+        seen_from_elsewhere.camera.shift = [0.25, 0.0];
+        assert_eq!(drawn(seen_from_elsewhere).unwrap(), first);
+        assert!(drawn(of_sky(2.0)).unwrap_err().to_string().contains("sky.exr"));
     }
 }

@@ -330,7 +330,7 @@ mod tests {
     /// 3 × 2 pixels, all different: pixel n counted in rows from the top has the row n of the table, or nothing for 0 and 4.
     fn picture(volume: &CompressedVolume) -> Picture {
         let n = [0u32, 1, 2, 3, 4, 5];
-        let is_hit = |n: u32| n % 4 != 0;
+        let is_hit = |n: u32| !n.is_multiple_of(4);
         let position = n.map(|n| [0.5 + n as f32 % 3.0, 0.5, 5.0]).to_vec();
         Picture {
             depth: Some(n.map(|n| if is_hit(n) { 15.0 + n as f32 } else { f32::INFINITY }).to_vec()),

@@ -86,6 +86,10 @@ def test_info_and_compress_reports(pumice, data, compressed, name):
     assert report["seconds"] > 0 and report["cpu_seconds"] > 0 and report["peak_rss_bytes"] > 0
     for key in ["dims", "labels", "boxes", "bytes_raw", "bytes_disk"]:
         assert report[key] == info[key], key
+    # One name, one number, to what the tables of a file that was read are longer or shorter in memory; another name for what rays need.
+    assert report["bytes_volume"] == pytest.approx(info["bytes_volume"], rel=0.01)
+    assert info["bytes_resident"] - info["bytes_volume"] == info["resident_parts"]["acceleration"] > 0
+    assert "bytes_resident" not in report
 
 
 @pytest.mark.parametrize("name", SHIPPED)

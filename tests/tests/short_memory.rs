@@ -19,7 +19,7 @@ use pumice_export::{
     Corners, ExportOptions, Form, Interfaces, Merging, QuadMesh, Reader, SmoothMesh, export_scene,
 };
 use pumice_oracle::volumes::noise;
-use pumice_picture::annotate::Mark;
+use pumice_picture::annotate::{Ink, Mark};
 use pumice_picture::{
     Image, PassSums, Passes, Picture, film_memory, read_exr, read_provenance, write_exr, write_png,
 };
@@ -106,7 +106,7 @@ fn pictures_without_memory_for_their_files_leave_no_file() {
     let folder = tempfile::tempdir().unwrap();
     let path = |name: &str| folder.path().join(name);
     let mut picture = Picture::of(Image::new(400, 300, vec![[0.5; 3]; 400 * 300]));
-    let mark = Mark { left: 3, top: 4, width: 2, color: [1.0; 3], coverage: vec![1.0; 4] };
+    let mark = Mark { left: 3, top: 4, width: 2, ink: Ink::Color([1.0; 3]), coverage: vec![1.0; 4] };
 
     let png = refusing(300_000, || write_png(&path("a.png"), &picture)).unwrap_err().to_string();
     let expected =

@@ -25,7 +25,8 @@ pub(crate) struct AnnotationArgs {
     pub(crate) scale_bar: Option<ScaleBar>,
     /// Draw the names and colours of the shown labels in the upper left corner, those with most voxels first, at most N (12)
     ///
-    /// A label without a name has its id. Labels that find no place are counted: "and 23 more". With N: --legend=20
+    /// A label without a name has its id. Labels that find no place are counted: "and 23 more". With N: --legend=20. The automatic view of a
+    /// volume leaves room for it; with --distance, with --frame volume and for a scene it lies over the picture
     #[arg(
         long,
         value_name = "N",

@@ -161,6 +161,7 @@ impl Figure {
             aperture: self.aperture,
             background: self.background,
             smooth: self.smooth,
+            ..FigureFlags::default()
         }
     }
 

@@ -46,14 +46,14 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     // With `--json -` a program reads standard output as JSON, so nothing else is printed there.
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         say(format_args!(
-            "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of 4 bytes a voxel), {:.1} MB in memory ({:.2} %), {:.1} s ({:.1} CPU s)",
+            "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of 4 bytes a voxel), {:.1} MB in memory without the hierarchy for rays ({:.2} %), {:.1} s ({:.1} CPU s)",
             args.out.display(),
             outcome.labels,
             outcome.boxes,
             outcome.bytes_disk as f64 / 1e6,
             percent(outcome.bytes_disk),
-            outcome.bytes_resident as f64 / 1e6,
-            percent(outcome.bytes_resident),
+            outcome.bytes_volume as f64 / 1e6,
+            percent(outcome.bytes_volume),
             outcome.seconds,
             outcome.cpu_seconds,
         ))?;

@@ -33,7 +33,12 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
             say(format_args!("raw        {:>14} bytes at 4 a voxel", p.bytes_raw))?;
             say(format_args!("disk       {:>14} bytes  {:6.3} %", p.bytes_disk, percent(p.bytes_disk)))?;
             say(format_args!(
-                "memory     {:>14} bytes  {:6.3} %",
+                "volume     {:>14} bytes  {:6.3} %  in memory",
+                p.bytes_volume,
+                percent(p.bytes_volume)
+            ))?;
+            say(format_args!(
+                "memory     {:>14} bytes  {:6.3} %  with the hierarchy for rays (acceleration)",
                 p.bytes_resident,
                 percent(p.bytes_resident)
             ))?;

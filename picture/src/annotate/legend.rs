@@ -7,6 +7,7 @@
 //! ```
 //! Layout as in the add-on for Blender (`legend.py`). Names that are too long for the picture end with `…`.
 
+use super::ink::Ink;
 use super::mark::Mark;
 use super::paper::{MARGIN_MM, Paper, TEXT_MM};
 use super::text;
@@ -15,7 +16,6 @@ use super::text;
 const SWATCH: f64 = 0.7;
 const GAP: f64 = 0.5;
 const LINE: f64 = 1.4;
-const BLACK: [f32; 3] = [0.0; 3];
 
 /// A line of the legend.
 #[derive(Clone, Debug, PartialEq)]
@@ -47,16 +47,25 @@ pub fn legend_marks(paper: &Paper, rows: &[LegendRow], more: usize) -> Result<Ve
     for (i, row) in rows[..shown].iter().enumerate() {
         let top = (margin + LINE * size * i as f64).round();
         let side = (SWATCH * size).round();
-        marks.push(Mark::rectangle([margin.round(), top], [side, side], row.color));
+        marks.push(Mark::rectangle([margin.round(), top], [side, side], Ink::Color(row.color)));
         let name = fitting(&row.name, size, room)?.ok_or_else(too_small)?;
-        marks.extend(text::line(&name, size, [text_x, top + side], BLACK)?);
+        marks.extend(text::line(&name, size, [text_x, top + side], Ink::Legend)?);
     }
     if left_out > 0 {
         let baseline = (margin + LINE * size * shown as f64).round() + (SWATCH * size).round();
         let said = fitting(&format!("and {left_out} more"), size, room)?.ok_or_else(too_small)?;
-        marks.extend(text::line(&said, size, [text_x, baseline], BLACK)?);
+        marks.extend(text::line(&said, size, [text_x, baseline], Ink::Legend)?);
     }
     Ok(marks)
+}
+
+/// How far marks reach from the upper left corner of the picture: pixels across and down.
+pub fn reach_of(marks: &[Mark]) -> [f64; 2] {
+    marks.iter().fold([0.0; 2], |[across, down], mark| {
+        let rows = mark.coverage.len() / mark.width.max(1);
+        let (right, bottom) = (mark.left + mark.width as i64, mark.top + rows as i64);
+        [f64::max(across, right as f64), f64::max(down, bottom as f64)]
+    })
 }
 
 /// The longest beginning of a name that fits, with `…` if it is not all of it; `None` if not even one character does.
@@ -88,9 +97,9 @@ mod tests {
             .collect()
     }
 
-    /// Swatches are squares of one colour; text is black.
+    /// Swatches have the colour of their label; text is black or white.
     fn swatches(marks: &[Mark]) -> Vec<&Mark> {
-        marks.iter().filter(|m| m.color != BLACK).collect()
+        marks.iter().filter(|m| m.ink != Ink::Legend).collect()
     }
 
     #[test]
@@ -98,8 +107,8 @@ mod tests {
         let marks = legend_marks(&PAPER, &rows(5), 0).unwrap();
         let found = swatches(&marks);
         assert_eq!(
-            found.iter().map(|m| m.color).collect::<Vec<_>>(),
-            rows(5).iter().map(|r| r.color).collect::<Vec<_>>()
+            found.iter().map(|m| m.ink).collect::<Vec<_>>(),
+            rows(5).iter().map(|r| Ink::Color(r.color)).collect::<Vec<_>>()
         );
         for (i, swatch) in found.iter().enumerate() {
             // 3 mm at 300 dpi are 35.4 pixels: swatches of 25, 49.6 apart, 47 from the sides.
@@ -124,6 +133,18 @@ mod tests {
         for small in [Paper { height: 60.0, ..PAPER }, Paper { width: 80.0, ..PAPER }] {
             assert!(legend_marks(&small, &rows(3), 0).unwrap_err().contains("no room"), "{small:?}");
         }
+    }
+
+    #[test]
+    fn a_legend_reaches_to_the_end_of_its_longest_name_and_its_last_line() {
+        let [across, down] = reach_of(&legend_marks(&PAPER, &rows(5), 0).unwrap());
+        // Four lines of 49.6 pixels, 47.2 from the top, then capitals of 0.7 · 35.4 and what letters have below the baseline.
+        let last = 47.24 + 4.0 * 49.6 + 24.8;
+        assert!((last - 1.0..last + 10.0).contains(&down), "{down}");
+        let text_x = 47.24 + 1.2 * 35.43;
+        let width = text::width_of("label 4", 35.43).unwrap();
+        assert!((across - text_x - width).abs() < 8.0, "{across}");
+        assert_eq!(reach_of(&[]), [0.0; 2]);
     }
 
     #[test]

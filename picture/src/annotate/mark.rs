@@ -1,4 +1,4 @@
-//! Marks: small masks of one colour, and how they are laid over colours.
+//! Marks: small masks of one ink, and how they are laid over colours.
 //!
 //! Coverage is mixed in linear light, as a renderer's filter mixes a surface with what is behind it; so a picture with the sRGB curve has the
 //! same edges in a PNG and in an EXR.
@@ -8,11 +8,12 @@ use std::borrow::Cow;
 use pumice_core::NoMemory;
 use pumice_core::reserve::reserved;
 
+use super::ink::{Ink, Inks};
 use crate::image::Image;
 use crate::metrics::display::{linear_from_srgb, srgb_from_linear};
 use crate::picture::Picture;
 
-/// A mask of one colour over a rectangle of pixels, which may reach beyond the picture.
+/// A mask of one ink over a rectangle of pixels, which may reach beyond the picture.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Mark {
     /// Pixels from the picture's left side.
@@ -21,15 +22,15 @@ pub struct Mark {
     pub top: i64,
     /// Pixels across; the mask has a multiple of them.
     pub width: usize,
-    /// Scene-linear Rec. 709 colour.
-    pub color: [f32; 3],
+    /// What it is drawn in.
+    pub ink: Ink,
     /// Part of each pixel that is covered, 0 to 1, row by row.
     pub coverage: Vec<f32>,
 }
 
 impl Mark {
     /// A rectangle from `x` to `x + width` and `y` to `y + height` in pixels; pixels at its edges are covered in part.
-    pub(super) fn rectangle([x, y]: [f64; 2], [width, height]: [f64; 2], color: [f32; 3]) -> Self {
+    pub(super) fn rectangle([x, y]: [f64; 2], [width, height]: [f64; 2], ink: Ink) -> Self {
         let ([left, top], [right, bottom]) =
             ([x.floor(), y.floor()], [(x + width).ceil(), (y + height).ceil()]);
         let within = |low: f64, high: f64, pixel: f64| (high.min(pixel + 1.0) - low.max(pixel)).max(0.0);
@@ -42,13 +43,13 @@ impl Mark {
             left: left as i64,
             top: top as i64,
             width: across,
-            color,
+            ink,
             coverage: (0..down).flat_map(row).collect(),
         }
     }
 
     /// Calls `paint` with each pixel of a picture of this size that is covered, and its coverage.
-    fn for_each_pixel(&self, width: usize, height: usize, mut paint: impl FnMut(usize, f32)) {
+    pub(super) fn for_each_pixel(&self, width: usize, height: usize, mut paint: impl FnMut(usize, f32)) {
         for (row, y) in self.coverage.chunks(self.width.max(1)).zip(self.top..) {
             for (&coverage, x) in row.iter().zip(self.left..) {
                 let is_inside = (0..width as i64).contains(&x) && (0..height as i64).contains(&y);
@@ -60,20 +61,27 @@ impl Mark {
     }
 }
 
+/// A colour and an alpha.
+type Drawn<'a> = (Cow<'a, Image>, Option<Cow<'a, [f32]>>);
+
 /// The colour and the alpha of a picture with its marks over them; both premultiplied. Where there are marks, these are copies.
 ///
 /// # Errors
 /// [`NoMemory`] where there is none for the copies.
-pub(crate) fn drawn_over(picture: &Picture) -> Result<(Cow<'_, Image>, Option<Cow<'_, [f32]>>), NoMemory> {
+pub(crate) fn drawn_over(picture: &Picture) -> Result<Drawn<'_>, NoMemory> {
     let Image { width, height, pixels } = &picture.color;
     if picture.marks.is_empty() {
         return Ok((Cow::Borrowed(&picture.color), picture.alpha.as_deref().map(Cow::Borrowed)));
     }
+    // A PNG of this picture has the same inks, so it is judged before the background that its scene asks for.
+    let background = picture.provenance.as_ref().and_then(|made| made.scene.film.background);
+    let inks = Inks::over(picture, background);
     let mut color = copied(pixels)?;
     let mut alpha = picture.alpha.as_deref().map(copied).transpose()?;
     for mark in &picture.marks {
+        let of_mark = inks.color(mark.ink);
         mark.for_each_pixel(*width, *height, |i, a| {
-            color[i] = [0, 1, 2].map(|c| color[i][c] * (1.0 - a) + mark.color[c] * a);
+            color[i] = [0, 1, 2].map(|c| color[i][c] * (1.0 - a) + of_mark[c] * a);
         });
         if let Some(alpha) = &mut alpha {
             // A wrong length is refused where the file is written.
@@ -92,14 +100,15 @@ fn copied<T: Copy>(values: &[T]) -> Result<Vec<T>, NoMemory> {
 }
 
 /// Lays marks over display values of 8 bits, three or, with straight alpha, four bytes a pixel.
-pub(crate) fn over_display(marks: &[Mark], bytes: &mut [u8], width: usize, channels: usize) {
+pub(crate) fn over_display(marks: &[Mark], inks: &Inks, bytes: &mut [u8], width: usize, channels: usize) {
     let height = bytes.len() / (channels * width).max(1);
     for mark in marks {
+        let color = inks.color(mark.ink);
         mark.for_each_pixel(width, height, |i, coverage| {
             let pixel = &mut bytes[i * channels..][..channels];
             let above = f64::from(coverage);
             let below = (1.0 - above) * pixel.get(3).map_or(1.0, |a| f64::from(*a) / 255.0);
-            for (channel, &of_mark) in pixel.iter_mut().zip(&mark.color) {
+            for (channel, &of_mark) in pixel.iter_mut().zip(&color) {
                 let behind = linear_from_srgb(f64::from(*channel) / 255.0);
                 let mixed = (f64::from(of_mark) * above + behind * below) / (above + below);
                 *channel = (srgb_from_linear(mixed.clamp(0.0, 1.0)) * 255.0).round() as u8;
@@ -121,7 +130,7 @@ mod tests {
         for ([x, y], [w, h]) in
             [([2.25, 3.5], [10.5, 4.25]), ([0.0, 0.0], [3.0, 2.0]), ([-1.5, 0.75], [0.5, 0.125])]
         {
-            let mark = Mark::rectangle([x, y], [w, h], [0.0; 3]);
+            let mark = Mark::rectangle([x, y], [w, h], Ink::Color([0.0; 3]));
             let sum: f64 = mark.coverage.iter().copied().map(f64::from).sum();
             assert!((sum - w * h).abs() < 1e-5, "{sum} for {w} × {h}");
             assert!(mark.coverage.iter().all(|c| (0.0..=1.0).contains(c)));
@@ -132,7 +141,7 @@ mod tests {
     fn marks_beyond_the_picture_are_cut_and_the_rest_is_untouched() {
         let mut picture = Picture::of(Image::new(4, 3, vec![[0.5, 0.25, 2.0]; 12]));
         picture.alpha = Some(vec![0.5; 12]);
-        picture.marks = vec![Mark::rectangle([2.5, -5.0], [100.0, 6.0], [0.0, 1.0, 0.0])];
+        picture.marks = vec![Mark::rectangle([2.5, -5.0], [100.0, 6.0], Ink::Color([0.0, 1.0, 0.0]))];
         let (color, alpha) = drawn_over(&picture).unwrap();
         let alpha = alpha.unwrap();
         for (i, (pixel, a)) in color.pixels.iter().zip(alpha.iter()).enumerate() {
@@ -150,10 +159,16 @@ mod tests {
     /// Full coverage gives the colour itself, over an opaque and over an empty film; half of white over black is half of the light.
     #[test]
     fn display_values_are_mixed_in_linear_light() {
-        let mark = |coverage, color| Mark { left: 0, top: 0, width: 1, color, coverage: vec![coverage] };
+        let mark = |coverage, color| Mark {
+            left: 0,
+            top: 0,
+            width: 1,
+            ink: Ink::Color(color),
+            coverage: vec![coverage],
+        };
         let over = |mark: Mark, mut bytes: Vec<u8>| {
             let channels = bytes.len();
-            over_display(&[mark], &mut bytes, 1, channels);
+            over_display(&[mark], &Inks::default(), &mut bytes, 1, channels);
             bytes
         };
         assert_eq!(over(mark(1.0, [0.0, 0.5, 1.0]), vec![9, 9, 9]), [0, 188, 255]);

@@ -4,13 +4,13 @@
 
 use pumice_core::Unit;
 
+use super::ink::Ink;
 use super::mark::Mark;
 use super::paper::{MARGIN_MM, Paper, TEXT_MM};
 use super::text;
 
 const THICKNESS_MM: f64 = 0.7;
 const GAP_MM: f64 = 0.8;
-const BLACK: [f32; 3] = [0.0; 3];
 
 /// Metres in each unit that is written, with its name, rising.
 const UNITS: [(&str, f64); 4] = [("nm", 1e-9), ("µm", 1e-6), ("mm", 1e-3), ("m", 1.0)];
@@ -77,8 +77,8 @@ pub fn scale_bar_marks(paper: &Paper, length: f64, said: &str) -> Result<Vec<Mar
             paper.width, paper.height, paper.dpi
         ));
     }
-    let mut marks = vec![Mark::rectangle([right - length, top], [length, thickness], BLACK)];
-    marks.extend(text::line(said, size, [right - width, top - gap], BLACK)?);
+    let mut marks = vec![Mark::rectangle([right - length, top], [length, thickness], Ink::ScaleBar)];
+    marks.extend(text::line(said, size, [right - width, top - gap], Ink::ScaleBar)?);
     Ok(marks)
 }
 

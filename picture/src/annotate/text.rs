@@ -5,6 +5,7 @@
 
 use ab_glyph::{Font, FontRef, Point, PxScale, ScaleFont, point};
 
+use super::ink::Ink;
 use super::mark::Mark;
 
 /// Height of capitals in the size of the text, as of Blender's texts; of DejaVu Sans, in the size of its em: 1493 of 2048.
@@ -43,12 +44,7 @@ pub(super) fn width_of(line: &str, size: f64) -> Result<f64, String> {
 }
 
 /// A line of text whose baseline begins at a point.
-pub(super) fn line(
-    text: &str,
-    size: f64,
-    [x, baseline]: [f64; 2],
-    color: [f32; 3],
-) -> Result<Vec<Mark>, String> {
+pub(super) fn line(text: &str, size: f64, [x, baseline]: [f64; 2], ink: Ink) -> Result<Vec<Mark>, String> {
     let font = font()?;
     let scale = scale_of(&font, size);
     let outlined = |(glyph, along): (ab_glyph::GlyphId, f32)| {
@@ -64,7 +60,7 @@ pub(super) fn line(
                 *to = c.clamp(0.0, 1.0);
             }
         });
-        Mark { left: bounds.min.x as i64, top: bounds.min.y as i64, width, color, coverage }
+        Mark { left: bounds.min.x as i64, top: bounds.min.y as i64, width, ink, coverage }
     };
     Ok(placed(&font, scale, text).0.into_iter().filter_map(outlined).map(mark).collect())
 }
@@ -103,7 +99,7 @@ mod tests {
     #[test]
     fn capitals_stand_on_the_baseline_and_have_their_height() {
         for size in [20.0, 35.4, 100.0] {
-            let (low, high) = covered(&line("H", size, [10.0, 200.0], [0.0; 3]).unwrap());
+            let (low, high) = covered(&line("H", size, [10.0, 200.0], Ink::Legend).unwrap());
             // Coverage above a half rounds each edge to the nearest pixel.
             assert!((high[1] - 200.0).abs() <= 0.5, "{high:?}");
             assert!((high[1] - low[1] - CAPITAL * size).abs() <= 1.0, "{low:?} {high:?}");
@@ -115,7 +111,7 @@ mod tests {
     fn a_line_is_as_wide_as_it_says() {
         for text in ["10 µm (middle)", "WAVES", "axon α"] {
             let width = width_of(text, 40.0).unwrap();
-            let (low, high) = covered(&line(text, 40.0, [0.0, 50.0], [0.0; 3]).unwrap());
+            let (low, high) = covered(&line(text, 40.0, [0.0, 50.0], Ink::Legend).unwrap());
             // The bearings of the first and the last glyph are less than a fifth of the size.
             assert!(
                 low[0] >= -1.0 && high[0] <= width + 1.0 && width - high[0] < 8.0,

@@ -5,6 +5,7 @@ use std::collections::BTreeMap;
 use std::path::PathBuf;
 
 use pumice_core::CompressedVolume;
+use pumice_picture::annotate::{DEFAULT_DPI, Paper, legend_marks, reach_of};
 use pumice_scene::{Scene, Show};
 
 use super::axis_cut::AxisCut;
@@ -15,6 +16,7 @@ use super::material::LabelPreset;
 use super::selector::Selector;
 use super::style::FigureStyle;
 use super::{FigureOptions, bounds_of, compose, voxel_corners};
+use crate::legend_rows::listed;
 use crate::selection::select_among;
 use crate::values::{numbers, whole_from_1};
 
@@ -51,6 +53,10 @@ pub struct FigureFlags {
     pub background: Option<Background>,
     /// Whether voxels are shaded smooth; also of scenes.
     pub smooth: bool,
+    /// Number of labels in the legend that the picture will have, beside which the figure is framed.
+    pub legend: Option<u32>,
+    /// Pixels per inch on paper, for the size of the legend.
+    pub dpi: Option<f64>,
 }
 
 /// Degrees around the vertical axis and above the horizon: `30,20`.
@@ -72,6 +78,17 @@ pub fn distance(text: &str) -> Result<f64, String> {
         .ok()
         .filter(|d: &f64| d.is_finite() && *d > 0.0)
         .ok_or_else(|| format!("expected a distance above 0, e.g. 30, got {text}"))
+}
+
+/// Pixels per inch: `300`.
+///
+/// # Errors
+/// The expected form, if `text` has another.
+fn dpi(text: &str) -> Result<f64, String> {
+    text.parse()
+        .ok()
+        .filter(|dpi: &f64| dpi.is_finite() && *dpi > 0.0)
+        .ok_or_else(|| format!("expected a number above 0, got {text}"))
 }
 
 impl FigureFlags {
@@ -100,6 +117,8 @@ impl FigureFlags {
             "aperture" => self.aperture = Some(Opening::parse(text)?),
             "background" => self.background = Some(Background::parse(text)?),
             "smooth" => self.smooth = true,
+            "legend" => self.legend = Some(whole_from_1(text)?),
+            "dpi" => self.dpi = Some(dpi(text)?),
             _ => return Err("a figure has no such option".into()),
         }
         Ok(())
@@ -246,7 +265,28 @@ impl FigureFlags {
             cuts: self.cut.clone(),
             floor: self.floor,
             lens: self.lens(volume)?,
+            legend: self.legend_reach(volume, &shown, size)?,
         })
+    }
+
+    /// How far the legend of these labels reaches from the upper left corner of a picture, in pixels; `None` without a legend.
+    fn legend_reach(
+        &self,
+        volume: &CompressedVolume,
+        shown: &[u32],
+        size: [u32; 2],
+    ) -> Result<Option<[f64; 2]>, String> {
+        let Some(most) = self.legend else { return Ok(None) };
+        let mut is_shown = vec![false; volume.labels().len()];
+        shown.iter().for_each(|&label| is_shown[label as usize] = true);
+        let reach = || {
+            let (rows, more) = listed(std::iter::once((volume, is_shown)), most as usize)?;
+            let [width, height] = size.map(f64::from);
+            let paper = Paper { width, height, dpi: self.dpi.unwrap_or(DEFAULT_DPI) };
+            let rows: Vec<_> = rows.iter().map(|listed| listed.row([0.0; 3])).collect();
+            Ok::<_, String>(reach_of(&legend_marks(&paper, &rows, more)?))
+        };
+        reach().map(Some).map_err(|e| format!("legend: {e}"))
     }
 
     /// Colours and materials. A selector of theirs that chooses none of the labels that are `shown` has no effect, and is refused;

@@ -3,6 +3,8 @@
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_scene::{Camera, Projection};
 
+use super::window::Window;
+
 /// Field of view over the longer side of the picture: that of a lens of 72 mm on a frame of 36 mm.
 pub(super) const FOV_DEG: f64 = 28.0;
 
@@ -37,40 +39,45 @@ pub(super) fn toward_camera(view_deg: [f64; 2]) -> DVec3 {
     DVec3::new(around.sin() * above.cos(), -around.cos() * above.cos(), above.sin())
 }
 
+/// Right, up and back, in the world, of a camera that looks from this direction.
+pub(super) fn camera_axes(toward_camera: DVec3) -> DMat3 {
+    let back = toward_camera.normalize();
+    let right = DVec3::Z.cross(back).try_normalize().unwrap_or(DVec3::X);
+    DMat3::from_cols(right, back.cross(right), back)
+}
+
 /// The eight corners of a box.
 pub(super) fn corners([low, high]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
     (0..8u32).map(move |i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low))
 }
 
-/// Finds the nearest perspective camera of 28° that sees all points with a margin of 4 % of the picture on each side.
+/// Finds the nearest perspective camera of 28° that shows all points within a window of the picture.
 ///
-/// Each point p gives two planes per axis: the camera at c must satisfy |(p−c)·right| ≤ tan·((c−p)·back). The tightest left and right
+/// The camera stands in front of the middle of the points, and a shift of the lens moves them to the window, so that what is shown looks the same
+/// wherever it is in the picture. Each point p gives two planes per axis: the camera at c must satisfy |(p−c)·right| ≤ tan·((c−p)·back). The tightest left and right
 /// planes intersect at the best horizontal position, and likewise vertically; the larger of the two distances satisfies both.
 pub(super) struct Framing {
     axes: DMat3,
     fov_rad: f64,
+    /// Of half the window.
     tangents: [f64; 2],
+    shift: [f64; 2],
     /// Largest of ±p·axis + tan·p·back, for right and up.
     planes: [[f64; 2]; 2],
 }
 
 impl Framing {
-    pub(super) fn new(toward_camera: DVec3, size: [u32; 2]) -> Self {
-        let back = toward_camera.normalize();
-        let right = DVec3::Z.cross(back).try_normalize().unwrap_or(DVec3::X);
+    pub(super) fn new(toward_camera: DVec3, size: [u32; 2], window: &Window) -> Self {
         let fov_rad = FOV_DEG.to_radians();
         let longer = f64::from(size[0].max(size[1]));
         Self {
-            axes: DMat3::from_cols(right, back.cross(right), back),
+            axes: camera_axes(toward_camera),
             fov_rad,
-            tangents: size.map(|pixels| (fov_rad / 2.0).tan() * f64::from(pixels) / longer * 0.92),
+            tangents: [0, 1].map(|a| (fov_rad / 2.0).tan() * f64::from(size[a]) / longer * window.half[a]),
+            // In units of the longer side. The sum makes −0, which scene files would show, a plain 0.
+            shift: [0, 1].map(|a| -window.middle[a] * f64::from(size[a]) / longer / 2.0 + 0.0),
             planes: [[f64::NEG_INFINITY; 2]; 2],
         }
-    }
-
-    /// Right, up and back of the camera in the world.
-    pub(super) fn axes(&self) -> &DMat3 {
-        &self.axes
     }
 
     pub(super) fn include(&mut self, p: DVec3) {
@@ -79,10 +86,6 @@ impl Framing {
             let (across, depth) = (p.dot(self.axes.col(axis)), self.tangents[axis] * back);
             *planes = [planes[0].max(depth + across), planes[1].max(depth - across)];
         }
-    }
-
-    pub(super) fn is_empty(&self) -> bool {
-        self.planes[0][0] == f64::NEG_INFINITY
     }
 
     pub(super) fn camera(&self) -> Camera {
@@ -107,10 +110,8 @@ impl Framing {
     }
 
     fn camera_at(&self, place: DVec3) -> Camera {
-        Camera::new(
-            DAffine3 { matrix3: self.axes, translation: self.axes * place },
-            Projection::Perspective { fov_rad: self.fov_rad },
-        )
+        let pose = DAffine3 { matrix3: self.axes, translation: self.axes * place };
+        Camera { shift: self.shift, ..Camera::new(pose, Projection::Perspective { fov_rad: self.fov_rad }) }
     }
 }
 
@@ -132,7 +133,7 @@ mod tests {
                     )
                 })
                 .collect();
-            let mut framing = Framing::new(toward_camera(view), size);
+            let mut framing = Framing::new(toward_camera(view), size, &Window::WHOLE);
             points.iter().for_each(|&p| framing.include(p));
             for camera in [framing.camera(), framing.centred_camera(framing.centred_distance())] {
                 let Projection::Perspective { fov_rad } = camera.projection else { unreachable!() };

@@ -8,6 +8,7 @@
 //! laid from left to right, so that a tall stack fills a wide picture.
 
 mod axis_cut;
+mod camera;
 mod color;
 mod flags;
 mod floor;
@@ -20,14 +21,13 @@ mod samples;
 mod selector;
 mod style;
 mod turntable;
+mod window;
 
 use std::path::PathBuf;
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::{CompressedVolume, WorldFrame};
-use pumice_scene::{
-    Camera, Film, Filter, Instance, LabelStyle, Reading, SCENE_VERSION, Scene, Settings, Show, Sun,
-};
+use pumice_scene::{Film, Filter, Instance, LabelStyle, Reading, SCENE_VERSION, Scene, Settings, Show, Sun};
 
 pub use axis_cut::AxisCut;
 pub use color::{Background, LabelColor, hex_color};
@@ -38,8 +38,10 @@ pub use material::{LabelPreset, MaterialPreset};
 pub use selector::Selector;
 pub use style::FigureStyle;
 pub use turntable::turned;
+pub(crate) use window::free_windows;
 
-use framing::{Framing, corners, toward_camera};
+use camera::camera;
+use framing::{camera_axes, corners, toward_camera};
 
 /// Diagonal of the bounding box of what is framed in world units.
 pub const DIAGONAL: f64 = 10.0;
@@ -67,6 +69,9 @@ pub struct FigureOptions {
     pub floor: bool,
     /// Depth of field; `None` keeps everything sharp.
     pub lens: Option<Lens>,
+    /// How far a legend reaches from the upper left corner, in pixels across and down; what is framed keeps clear of it where the camera is free:
+    /// without a `distance`, and where labels are framed.
+    pub legend: Option<[f64; 2]>,
 }
 
 impl FigureOptions {
@@ -89,6 +94,7 @@ impl Default for FigureOptions {
             cuts: Vec::new(),
             floor: false,
             lens: None,
+            legend: None,
         }
     }
 }
@@ -125,29 +131,30 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     // Frame the visible boxes, not the corners of their common bounding box: the camera comes closer and still sees everything.
     let mut is_shown = vec![chosen.is_none(); ids.len()];
     shown.iter().for_each(|&label| is_shown[label as usize] = true);
-    let mut framing = Framing::new(toward_camera(options.view_deg), options.size);
-    let mut lowest = f64::INFINITY;
-    volume.for_each_box(|label, b| {
-        if is_shown[label as usize]
-            && let Some(visible) = left_of(&options.cuts, info.dims, voxel_corners(b.voxel_bounds()))
-        {
-            for corner in corners(visible).map(to_world) {
-                lowest = lowest.min(corner.z);
-                if options.frame == FrameOn::Labels {
-                    framing.include(corner);
-                }
+    let for_each_corner = |visit: &mut dyn FnMut(DVec3)| {
+        volume.for_each_box(|label, b| {
+            if is_shown[label as usize]
+                && let Some(visible) = left_of(&options.cuts, info.dims, voxel_corners(b.voxel_bounds()))
+            {
+                corners(visible).map(to_world).for_each(&mut *visit);
             }
-        }
-    });
-    if framing.is_empty() {
-        corners(framed).for_each(|corner| framing.include(to_world(corner)));
-    }
+        });
+    };
+    let mut lowest = f64::INFINITY;
+    for_each_corner(&mut |corner| lowest = lowest.min(corner.z));
+    let frames_boxes = options.frame == FrameOn::Labels && lowest.is_finite();
     // What falls on the floor belongs to the picture.
-    let key = light::key(framing.axes());
+    let key = light::key(&camera_axes(toward_camera(options.view_deg)));
     let shadows = if options.floor { shadows_of(corners(framed).map(to_world), &key) } else { Vec::new() };
-    shadows.iter().for_each(|&p| framing.include(p));
-    let mut camera =
-        camera(&framing, options, || corners(framed).map(to_world).chain(shadows.iter().copied()));
+    let of_bounds = || corners(framed).map(to_world).chain(shadows.iter().copied());
+    let for_each_point = |visit: &mut dyn FnMut(DVec3)| match frames_boxes {
+        true => {
+            for_each_corner(visit);
+            shadows.iter().copied().for_each(visit);
+        }
+        false => of_bounds().for_each(visit),
+    };
+    let mut camera = camera(options, &for_each_point, &of_bounds().collect::<Vec<_>>());
     camera.aperture = options.lens.as_ref().map(|lens| lens.aperture(&camera, to_world));
 
     let show = match &chosen {
@@ -213,30 +220,6 @@ fn voxel_corners((low, high): ([u32; 3], [u32; 3])) -> [DVec3; 2] {
     [low.map(f64::from), high.map(|v| f64::from(v) + 1.0)].map(DVec3::from_array)
 }
 
-/// The camera of a figure; `corners` are those of what is framed, in the world.
-fn camera<C: Iterator<Item = DVec3>>(
-    framing: &Framing,
-    options: &FigureOptions,
-    corners: impl Fn() -> C,
-) -> Camera {
-    let of_turn = |frames: u32| {
-        // All pictures have one distance, at which each sees everything.
-        let at = |frame: u32| {
-            let around = 360.0 * f64::from(frame) / f64::from(frames);
-            let view_deg = [options.view_deg[0] + around, options.view_deg[1]];
-            let mut framing = Framing::new(toward_camera(view_deg), options.size);
-            corners().for_each(|corner| framing.include(corner));
-            framing.centred_distance()
-        };
-        (0..frames).map(at).fold(0.0, f64::max)
-    };
-    match (options.distance, options.turntable) {
-        (Some(distance), _) => framing.centred_camera(distance),
-        (None, Some(frames)) => framing.centred_camera(of_turn(frames)),
-        (None, None) => framing.camera(),
-    }
-}
-
 /// A rotation that takes the longest axis of the box to +x and keeps the handedness.
 fn lay_longest_axis(spacing: [f64; 3], extent: DVec3) -> DMat3 {
     let lengths = extent * DVec3::from_array(spacing);
@@ -252,6 +235,8 @@ fn lay_longest_axis(spacing: [f64; 3], extent: DVec3) -> DMat3 {
 
 #[cfg(test)]
 mod tests {
+    use pumice_scene::Camera;
+
     use super::samples::{block, named};
     use super::*;
 

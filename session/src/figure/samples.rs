@@ -15,3 +15,12 @@ pub(super) fn block(dims: [u32; 3]) -> CompressedVolume {
     let voxels = dims.iter().product::<u32>() as usize;
     compress_labels(VolumeInfo::new(dims, LabelType::U8), LabelBuffer::U8(vec![5; voxels])).unwrap()
 }
+
+/// Labels 1 to `count`, blocks of this size in a row along x.
+pub(super) fn many(count: u8, block: [u32; 3]) -> CompressedVolume {
+    let width = block[0] * u32::from(count);
+    let rows = block[1] * block[2];
+    let voxels = (0..rows).flat_map(|_| (0..width).map(|x| (x / block[0]) as u8 + 1)).collect();
+    let info = VolumeInfo::new([width, block[1], block[2]], LabelType::U8);
+    compress_labels(info, LabelBuffer::U8(voxels)).unwrap()
+}

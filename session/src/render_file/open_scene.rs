@@ -62,7 +62,7 @@ pub(crate) fn open_scene(
         let volume = open_chosen(path, &[shows], reading, Residence::Mapped, job)?;
         let labels = overrides.labels.as_ref().map(|ids| dense_labels(&volume, ids)).transpose()?;
         let absolute = path.canonicalize().map_err(io(path))?;
-        let size = overrides.size.unwrap_or(FigureOptions::DEFAULT_SIZE);
+        let size = overrides.pixels(FigureOptions::DEFAULT_SIZE);
         let mut scene = figure.figure(&volume, absolute, size, labels).map_err(wrong)?;
         let meshes = open_meshes(&scene)?;
         record(&mut scene, reading);

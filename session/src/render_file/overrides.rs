@@ -13,8 +13,20 @@ const DEFAULT_MIN_SPP: u32 = 16;
 
 /// Gives a film another width; its height follows, rounded, so that its shape stays.
 pub fn set_width(film: &mut Film, width: u32) {
-    let height = f64::from(film.height) * f64::from(width) / f64::from(film.width.max(1));
-    (film.width, film.height) = (width, height.round().max(1.0) as u32);
+    [film.width, film.height] = with_width([film.width, film.height], width);
+}
+
+fn with_width([before, height]: [u32; 2], width: u32) -> [u32; 2] {
+    let height = f64::from(height) * f64::from(width) / f64::from(before.max(1));
+    [width, height.round().max(1.0) as u32]
+}
+
+impl RenderOverrides {
+    /// Pixels across and down of a picture that would have `size`.
+    pub(super) fn pixels(&self, size: [u32; 2]) -> [u32; 2] {
+        let size = self.size.unwrap_or(size);
+        self.width.map_or(size, |width| with_width(size, width))
+    }
 }
 
 /// Applies the overrides to the scene.
@@ -23,11 +35,8 @@ pub(super) fn apply(
     scene: &mut Scene,
     volumes: &[Arc<CompressedVolume>],
 ) -> Result<()> {
-    if let Some([width, height]) = wishes.size {
-        (scene.film.width, scene.film.height) = (width, height);
-    }
-    if let Some(width) = wishes.width {
-        set_width(&mut scene.film, width);
+    if wishes.size.is_some() || wishes.width.is_some() {
+        [scene.film.width, scene.film.height] = wishes.pixels([scene.film.width, scene.film.height]);
     }
     if let Some(bounces) = wishes.bounces {
         scene.settings.bounces = bounces;

@@ -5,8 +5,9 @@ use pumice_picture::Annotations;
 
 use super::again::prepare_again;
 use super::open_scene::{OpenedScene, open_scene};
-use super::request::{RenderRequest, Subject};
+use super::request::{RenderOverrides, RenderRequest, Subject};
 use crate::error::Result;
+use crate::figure::FigureFlags;
 use crate::progressive::Stop;
 
 /// A scene with its volumes and meshes open, ready to render.
@@ -22,10 +23,17 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
     match &request.subject {
         Subject::Again(picture) => prepare_again(request, picture, job),
         Subject::File(path) => Ok(Prepared {
-            opened: open_scene(path, &request.overrides, &request.reading, job)?,
+            opened: open_scene(path, &beside_legend(request), &request.reading, job)?,
             stop: request.stop,
             backend: request.backend.clone(),
             annotations: request.annotations.clone(),
         }),
     }
+}
+
+/// The overrides of a request, with a figure that is framed beside the legend that the picture gets.
+fn beside_legend(request: &RenderRequest) -> RenderOverrides {
+    let (wishes, annotations) = (&request.overrides, &request.annotations);
+    let figure = FigureFlags { legend: annotations.legend, dpi: annotations.dpi, ..wishes.figure.clone() };
+    RenderOverrides { figure, ..wishes.clone() }
 }

@@ -17,10 +17,10 @@ use pumice_scene::{
 use pumice_transport::LoadedScene;
 
 /// The result of an example.
-pub type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
+pub(crate) type Outcome<T = ()> = Result<T, Box<dyn std::error::Error>>;
 
 /// A scene with one volume under an even sky, seen by a perspective camera in this place.
-pub fn scene(style: LabelStyle, world_from_index: DAffine3, world_from_camera: DAffine3) -> Scene {
+pub(crate) fn scene(style: LabelStyle, world_from_index: DAffine3, world_from_camera: DAffine3) -> Scene {
     Scene {
         version: SCENE_VERSION,
         instances: vec![Instance {
@@ -42,7 +42,7 @@ pub fn scene(style: LabelStyle, world_from_index: DAffine3, world_from_camera: D
 }
 
 /// Writes the labels of a scene's first volume (see the module).
-pub fn write_labels(folder: &Path, name: &str, dense: &Dense, loaded: &LoadedScene) -> Outcome {
+pub(crate) fn write_labels(folder: &Path, name: &str, dense: &Dense, loaded: &LoadedScene) -> Outcome {
     let mut file = BufWriter::new(File::create(folder.join(format!("{name}.labels")))?);
     let visible = loaded.visible(0).into_iter().map(u32::from);
     for number in dense.dims.into_iter().chain([loaded.visible(0).len() as u32]).chain(visible) {
