@@ -18,6 +18,7 @@ mod skies;
 mod tables;
 
 use std::collections::BTreeMap;
+use std::collections::btree_map::Entry;
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -161,12 +162,15 @@ pub fn measure_real_light(
     let mut results = Vec::new();
     for which in &options.scenes {
         let place = which.volume() % options.volumes.len().max(1);
-        if !opened.contains_key(&place) {
-            let path = options.volumes.get(place).ok_or_else(|| SessionError::Caller("no volume".into()))?;
-            let volume = open_volume(path, &OpenOptions::default(), Residence::Mapped, job)?;
-            opened.insert(place, (path.canonicalize().map_err(io(path))?, volume));
-        }
-        let (source, volume) = &opened[&place];
+        let (source, volume) = match opened.entry(place) {
+            Entry::Occupied(there) => there.into_mut(),
+            Entry::Vacant(free) => {
+                let path =
+                    options.volumes.get(place).ok_or_else(|| SessionError::Caller("no volume".into()))?;
+                let volume = open_volume(path, &OpenOptions::default(), Residence::Mapped, job)?;
+                free.insert((path.canonicalize().map_err(io(path))?, volume))
+            }
+        };
         let scene = which.write(&folder, volume, source.clone(), figure)?;
         let mut said = |step: &str| watch(&format!("{}: {step}", which.name()));
         results.push(measure_scene(options, which.name(), &scene, volume, job, &mut said)?);

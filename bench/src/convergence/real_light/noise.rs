@@ -158,6 +158,25 @@ mod tests {
         assert_eq!(contains_one, 0);
     }
 
+    /// Two pictures whose value 0.5 ± d of one channel of one pixel differs: their mean has the variance d², each picture 2 d².
+    #[test]
+    fn a_variance_counts_in_its_block_with_the_weight_of_all_programs() {
+        let image = |value: f32| {
+            let mut pixels = vec![[0.5; 3]; 10 * 6];
+            pixels[5 * 10 + 9][1] = value;
+            Image::new(10, 6, pixels)
+        };
+        let one = MeanPicture::of(&[image(0.25), image(0.75)]);
+        let other = MeanPicture::of(&[image(2.0), image(3.0)]);
+        let weights = Weights::of(&[&one, &other]);
+        let found = Noise::of(&one, 2, &weights, 10);
+        // Blocks of 4 × 4 in 10 × 6 pixels: 3 across, 2 down; pixel (9, 5) is in the last. The means are 0.5 and 2.5.
+        let expected = 2.0 * 0.0625 / (1.5f64.powi(2) + 0.01);
+        assert_eq!(found.blocks.len(), 6);
+        assert!((found.blocks[5] - expected).abs() < 1e-12 && found.blocks[..5] == [0.0; 5], "{found:?}");
+        assert!((found.mean() - expected / 180.0).abs() < 1e-12);
+    }
+
     #[test]
     fn a_renderer_without_noise_has_no_ratio() {
         let still = MeanPicture::of(&vec![Image::new(WIDTH, PIXELS / WIDTH, vec![[0.5; 3]; PIXELS]); 4]);

@@ -29,12 +29,17 @@ pub(super) struct Part {
 /// Width of the filter that lets samples only through the middle of a pixel, in pixels: the least that Blender takes.
 const UNFILTERED: Filter = Filter::BlackmanHarris { width: 0.02 };
 
-/// Kinds of lamps with their names.
-const LAMPS: [(&str, fn(&Light) -> bool); 3] = [
-    ("area lights alone", |l| matches!(l.shape, LightShape::Area { .. })),
-    ("spots alone", |l| matches!(l.shape, LightShape::Spot { .. })),
-    ("small lamps alone", |l| matches!(l.shape, LightShape::Point { .. })),
-];
+/// Parts that have the lamps of one kind.
+const LAMPS: [&str; 3] = ["area lights alone", "spots alone", "small lamps alone"];
+
+/// The part of [`LAMPS`] that has this lamp.
+fn part_of(lamp: &Light) -> &'static str {
+    match lamp.shape {
+        LightShape::Area { .. } => LAMPS[0],
+        LightShape::Spot { .. } => LAMPS[1],
+        LightShape::Point { .. } => LAMPS[2],
+    }
+}
 
 /// The parts of a scene, the whole first.
 ///
@@ -52,8 +57,8 @@ pub(super) fn parts_of(whole: &Scene) -> Result<Vec<Part>> {
     if !whole.suns.is_empty() {
         parts.push(("sun alone".into(), Scene { suns: whole.suns.clone(), ..unlit.clone() }, true));
     }
-    for (name, is_kind) in LAMPS {
-        let lights: Vec<Light> = whole.lights.iter().filter(|l| is_kind(l)).copied().collect();
+    for name in LAMPS {
+        let lights: Vec<Light> = whole.lights.iter().filter(|l| part_of(l) == name).copied().collect();
         if !lights.is_empty() {
             parts.push((name.into(), Scene { lights, ..unlit.clone() }, true));
         }

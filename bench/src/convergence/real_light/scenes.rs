@@ -265,7 +265,7 @@ mod tests {
             let text = std::fs::read_to_string(&path).unwrap();
             assert!(!text.contains(&folder.path().display().to_string()), "{text}");
             assert_eq!(Scene::load(&path).unwrap(), made, "{}", which.name());
-            assert_eq!(made.meshes.iter().any(|m| m.shadow_catcher), false);
+            assert!(!made.meshes.iter().any(|m| m.shadow_catcher));
             let lit = made.suns.len() + made.lights.len();
             let expected = [0, 0, 1, 4, 1, 100][*which as usize];
             assert_eq!(lit, expected, "{}", which.name());
