@@ -10,9 +10,12 @@
 //!   its batches gives its own error, which is subtracted from every relMSE measured against it.
 //! * The scene has Lambert surfaces, a constant sky and a sun, for which both programs converge to the same picture (`docs/cycles.md`).
 //! * Preparation is reported separately: compressing and building in Pumice, sending the mesh and building the hierarchy in Cycles.
+//!
+//! [`real_light`] compares the noise of both programs in scenes with skies, lamps, metal, glass and coat.
 
 pub(crate) mod command;
 mod plot;
+pub mod real_light;
 mod tables;
 
 use std::path::{Path, PathBuf};
@@ -141,6 +144,13 @@ struct Shot {
     picture: Image,
 }
 
+impl From<CyclesPicture> for Shot {
+    fn from(p: CyclesPicture) -> Self {
+        let took = Took { seconds: p.took.seconds, cpu_seconds: p.took.cpu_seconds };
+        Self { spp: p.spp, took, picture: p.picture }
+    }
+}
+
 impl Drawn {
     /// Splits the pictures, which are in the order of [`schedule`], into measured ones and those of the reference.
     fn new(
@@ -183,7 +193,8 @@ pub fn measure_convergence(
         renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![])?)?;
         Ok((volume, scene, renderer))
     })?;
-    let pictures = drawn_by_us(&mut renderer, &scene, &volume, options, job)?;
+    let loaded = LoadedScene::new(scene, vec![volume], vec![])?;
+    let pictures = drawn_by_us(&mut renderer, &loaded, &schedule(options), job)?;
     let name = format!("Pumice {}", env!("CARGO_PKG_VERSION"));
     let preparation = Preparation { took, peak_bytes: peak_rss_bytes(), base_bytes };
     let mut all = vec![Drawn::new(name, preparation, pictures, options)];
@@ -191,7 +202,6 @@ pub fn measure_convergence(
     if let Some(python) = &options.cycles {
         watch("Cycles: send, build, render");
         let asked: Vec<(u64, u32)> = WARM_UP.into_iter().chain(schedule(options)).collect();
-        let loaded = LoadedScene::new(scene, vec![volume], vec![])?;
         let mut cycles = Cycles::start(python, &loaded, DetailLevel::Voxels, job)?;
         let pictures: Vec<CyclesPicture> =
             asked.into_iter().map(|(seed, spp)| cycles.picture(seed, spp, job)).collect::<Result<_>>()?;
@@ -214,18 +224,19 @@ fn scene_of(volume: &CompressedVolume, options: &ConvergenceOptions) -> Scene {
     scene
 }
 
+/// A picture for each seed and number of samples of the schedule.
 fn drawn_by_us(
     renderer: &mut dyn Renderer,
-    scene: &Scene,
-    volume: &Arc<CompressedVolume>,
-    options: &ConvergenceOptions,
+    loaded: &LoadedScene,
+    schedule: &[(u64, u32)],
     job: &Job,
 ) -> Result<Vec<Shot>> {
-    let mut scene = scene.clone();
+    let mut scene = loaded.scene().clone();
     let mut pictures = Vec::new();
-    for (seed, spp) in schedule(options) {
+    for &(seed, spp) in schedule {
         scene.settings.seed = seed;
-        renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(volume)], vec![])?)?;
+        let data = (loaded.volumes().to_vec(), loaded.meshes().to_vec());
+        renderer.set_scene(&LoadedScene::new(scene.clone(), data.0, data.1)?)?;
         let stop = Stop { spp: Some(spp), ..Stop::default() };
         let (_, took) = clocked(|| Ok(render_until(renderer, &stop, job, &mut |_| {})?))?;
         pictures.push(Shot { spp, took, picture: renderer.color()? });
@@ -240,11 +251,7 @@ fn drawn_by_cycles(
     options: &ConvergenceOptions,
 ) -> Result<Drawn> {
     let peak_bytes = pictures.last().map(|p| p.peak_bytes);
-    let mut pictures = pictures.into_iter().map(|p| Shot {
-        spp: p.spp,
-        took: Took { seconds: p.took.seconds, cpu_seconds: p.took.cpu_seconds },
-        picture: p.picture,
-    });
+    let mut pictures = pictures.into_iter().map(Shot::from);
     let (Some(first), Some(second)) = (pictures.next(), pictures.next()) else {
         return Err(SessionError::Caller("Cycles drew fewer pictures than were asked for".into()));
     };
@@ -274,11 +281,7 @@ fn judged(options: &ConvergenceOptions, faces: usize, all: &[Drawn], job: &Job) 
     let mixed = MeanPicture { values: mix(|m| &m.values, 1), variances: mix(|m| &m.variances, 2) };
     let reference_rel_mse = mixed.own_rel_mse();
     let disagreement = match &means[..] {
-        [a, b] => {
-            let difference = a.values.iter().zip(&b.values).map(|(a, b)| a - b).sum::<f64>().abs();
-            let variance: f64 = a.variances.iter().chain(&b.variances).sum();
-            Some(difference / variance.sqrt())
-        }
+        [a, b] => Some(a.disagreement(b)),
         _ => None,
     };
 
@@ -340,21 +343,23 @@ impl Convergence {
     pub fn cpu_ratio_at_equal_error(&self) -> Option<f64> {
         let [ours, theirs] = &self.programs[..] else { return None };
         let last = theirs.points.last()?;
-        let seconds = seconds_at(&ours.points, last.rel_mse)?;
+        let curve: Vec<(f64, f64)> = ours.points.iter().map(|p| (p.cpu_seconds, p.rel_mse)).collect();
+        let seconds = seconds_at(&curve, last.rel_mse)?;
         Some(seconds / last.cpu_seconds)
     }
 }
 
-/// CPU seconds at which the points reach the error `rel_mse`, interpolated on logarithmic scales, and extrapolated beyond the ends.
-fn seconds_at(points: &[Point], rel_mse: f64) -> Option<f64> {
-    if rel_mse <= 0.0 || points.iter().any(|p| p.rel_mse <= 0.0 || p.cpu_seconds <= 0.0) {
+/// CPU seconds at which a curve of (CPU seconds, error) reaches `error`, interpolated on logarithmic scales, and extrapolated beyond the
+/// ends.
+fn seconds_at(curve: &[(f64, f64)], error: f64) -> Option<f64> {
+    if error <= 0.0 || curve.iter().any(|&(seconds, error)| error <= 0.0 || seconds <= 0.0) {
         return None;
     }
-    let last = points.len().checked_sub(2)?;
-    let i = points.iter().skip(1).position(|p| p.rel_mse <= rel_mse).unwrap_or(last);
-    let (a, b) = (&points[i], &points[i + 1]);
-    let along = (rel_mse / a.rel_mse).ln() / (b.rel_mse / a.rel_mse).ln();
-    Some(a.cpu_seconds * (b.cpu_seconds / a.cpu_seconds).powf(along))
+    let last = curve.len().checked_sub(2)?;
+    let i = curve.iter().skip(1).position(|&(_, e)| e <= error).unwrap_or(last);
+    let (a, b) = (curve[i], curve[i + 1]);
+    let along = (error / a.1).ln() / (b.1 / a.1).ln();
+    Some(a.0 * (b.0 / a.0).powf(along))
 }
 
 #[cfg(test)]

@@ -7,7 +7,7 @@
 //! | [`sizes`], [`speeds`] | bytes by part and level; CPU seconds of each step, rays per second | |
 //! | [`backends`], [`live`], [`instances`] | rays and frames; latency of an edit; many instances | |
 //! | [`errors`], [`lod`] | relMSE over seconds; by level of detail | a picture of many samples |
-//! | [`convergence`] | relMSE over CPU seconds | Cycles |
+//! | [`convergence`] | relMSE over CPU seconds; noise in real light | Cycles |
 //! | [`embree`], [`peers`], [`paper`] | rays; bytes and voxels; encodings | Embree; other programs; the paper |
 //! | [`export`] | seconds, memory and bytes of exports; their import into Blender | other writers of USD |
 //! | [`needs`] | the cost of building parts that a scene does not need | the same scene without them |

@@ -41,6 +41,14 @@ impl MeanPicture {
         (0..self.values.len()).map(squared).sum::<f64>() / self.values.len() as f64
     }
 
+    /// Difference of the sums of all values of two pictures, in standard errors of independent values. The channels of a pixel depend on
+    /// each other, so two pictures of the same expectation differ by some 1.7 of them where channels are equal, not by 1.
+    pub(crate) fn disagreement(&self, other: &Self) -> f64 {
+        let difference: f64 = self.values.iter().zip(&other.values).map(|(a, b)| a - b).sum();
+        let variance: f64 = self.variances.iter().chain(&other.variances).sum();
+        difference.abs() / variance.sqrt()
+    }
+
     /// The mean as a picture of this size in pixels.
     pub(crate) fn image(&self, size: [u32; 2]) -> Image {
         let [width, height] = size.map(|s| s as usize);
