@@ -19,7 +19,7 @@ use glam::{DVec3, Vec3};
 use pumice_picture::PassSums;
 use pumice_scene::{Mode, Settings};
 use pumice_transport::bsdf::{Bsdf, LEAST_VIEW, SpecularNormal, emitted, sample_cosine};
-use pumice_transport::lights::Lights;
+use pumice_transport::lights::{LightOdds, Lights};
 use pumice_transport::material_table::MaterialTables;
 use pumice_transport::sampler::{BouncePair, PixelSampler};
 use pumice_transport::sun::frame_around;
@@ -79,6 +79,8 @@ impl Frame {
 struct Way {
     /// Start of the segment: the camera, or the last scattering.
     from: Receiver,
+    /// With which odds lights were sampled there.
+    odds: LightOdds,
     /// Density of its direction; `None` from the camera.
     pdf: Option<f32>,
     /// Length so far, in world units.
@@ -95,7 +97,7 @@ impl Way {
         let length = direction.length();
         let direction = direction / length;
         let up_to = |limit: f64| match self.pdf {
-            Some(pdf) => lights.lamp_emission(&self.from, direction, limit, pdf),
+            Some(pdf) => lights.lamp_emission(&self.from, &self.odds, direction, limit, pdf),
             None => lights.lamp_emission_to_camera(self.from.point, direction, limit),
         };
         let light = up_to(self.gone + next.map_or(t_max, |h| h.t) * length);
@@ -177,7 +179,7 @@ pub fn follow<T: Tracer + ?Sized>(
         Mode::Path => around.settings.bounces,
     };
     let from = Receiver { point: camera_ray.origin, normal: Vec3::Z, both_sides: true };
-    let way = Way { from, pdf: None, gone: 0.0 };
+    let way = Way { from, odds: LightOdds::default(), pdf: None, gone: 0.0 };
     let start = Start { ray: camera_ray, hit, t_max, way, passed: 0, among: Among::All };
     path(tracer, around, sampler, start, bounces, down, film_sample);
 }
@@ -271,7 +273,7 @@ fn path<T: Tracer + ?Sized>(
                 None => {
                     let direction = ray.direction.normalize();
                     let light = match way.pdf {
-                        Some(pdf) => lights.infinite_emission(direction, pdf),
+                        Some(pdf) => lights.infinite_emission(&way.from, &way.odds, direction, pdf),
                         None => lights.background(direction, down),
                     };
                     return film_sample.add_background(throughput * light, vertex);
@@ -293,7 +295,7 @@ fn path<T: Tracer + ?Sized>(
             && light != Vec3::ZERO
         {
             let distance = way.gone + hit.t * ray.direction.length();
-            light *= lights.emission_weight(tracer, &way.from, &hit, distance, pdf);
+            light *= lights.emission_weight(tracer, &way.from, &way.odds, &hit, distance, pdf);
         }
         film_sample.add_emission(throughput * light, vertex);
         if vertex > bounces || buried {
@@ -316,15 +318,16 @@ fn path<T: Tracer + ?Sized>(
         });
         let receiver =
             Receiver { point: origin, normal: frame.normal.as_vec3(), both_sides: bsdf.transmits() };
-        let mut choice = None;
-
         // Sample a light.
+        let mut choice = None;
+        let mut odds = LightOdds::default();
         if lights.samples_lights() {
+            odds = lights.odds(&receiver);
             let [which, lobe] = sampler.bounce(step, BouncePair::Choice);
             choice = Some(lobe);
             let further = || sampler.bounce(step | FURTHER, BouncePair::Choice);
             let towards = sampler.bounce(step, BouncePair::Light);
-            if let Some(light) = lights.sample_light(&receiver, which, towards, further)
+            if let Some(light) = lights.sample_light(&receiver, &odds, which, towards, further)
                 && (light.direction.dot(frame.normal) > 0.0 || bsdf.transmits())
                 && (among != Among::Catchers
                     || light.instance.is_none_or(|i| around.materials[i as usize].catches()))
@@ -383,7 +386,7 @@ fn path<T: Tracer + ?Sized>(
         }
         ray = RayInWorld { origin, direction };
         t_max = f64::INFINITY;
-        way = Way { from: receiver, pdf: Some(sample.pdf), gone: 0.0 };
+        way = Way { from: receiver, odds, pdf: Some(sample.pdf), gone: 0.0 };
         let outward = (above > 0.0) != hit.from_inside;
         let next = next_hit(tracer, &ray, &hit, t_max);
         vertex += 1;
@@ -396,7 +399,7 @@ fn path<T: Tracer + ?Sized>(
                 hit = next;
             }
             None => {
-                let light = lights.infinite_emission(direction.normalize(), sample.pdf);
+                let light = lights.infinite_emission(&receiver, &odds, direction.normalize(), sample.pdf);
                 return film_sample.add_background(throughput * light, vertex);
             }
         }

@@ -1,15 +1,15 @@
 //! The lights of a scene, prepared for sampling: sky, suns, lamps, emissive surfaces, and the choice among them.
 //!
 //! A constant sky is not sampled: BSDF sampling already follows the reflection of uniform light, so a shadow ray to the sky would cost time
-//! and gain nothing. An environment picture, suns and lamps are sampled: one of them for each surface point, with a probability
-//! proportional to the irradiance that it can give (for a lamp: at a distance of 1).
+//! and gain nothing. An environment picture, suns and lamps are sampled, and emissive surfaces ([`Emitters`]), all together as one more
+//! light: one of them for each surface point. A scattered ray finds emissive surfaces as those that it hits.
 //!
-//! Emissive surfaces ([`Emitters`]) are sampled too, all together as one more light, whose irradiance is estimated around them. A scattered
-//! ray finds them as the surfaces that it hits.
+//! **Which one.** Each light has a weight at a receiver, about the irradiance that it can give there: suns by their cosine, lamps by distance,
+//! by the receiver's cosine and by their own, emissive surfaces by the distance to their middle. A light below the horizon or behind a lamp
+//! has none. Nine tenths of the probability are proportional to the weights ([`LightOdds`]). With weights that ignored distance, a lamp far
+//! away took most samples from the sky, for 5 times the variance.
 //!
 //! A lamp is not a surface: rays pass through it, and a ray that is scattered towards it finds it if it is nearer than the next hit.
-
-use std::f32::consts::PI;
 
 use std::sync::Arc;
 
@@ -46,6 +46,9 @@ pub struct LightSample {
 /// distances to lamps are f32.
 pub(crate) const TOUCHING: f64 = 1.0 - 1.0 / 1_048_576.0;
 
+/// Largest f32 below 1.
+const BELOW_ONE: f32 = 1.0 - f32::EPSILON / 2.0;
+
 /// How light is found. Each strategy alone finds all light that both can find.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub enum LightStrategy {
@@ -65,26 +68,62 @@ pub struct Lights {
     suns: Vec<ReadySun>,
     lamps: Vec<ReadyLamp>,
     backdrop: Option<[Vec3; 2]>,
-    /// Cumulative probabilities: of the sky, then each sun, then each lamp.
-    cdf: Vec<f32>,
-    /// The emissive surfaces, and the probability of sampling them; the other lights share the rest.
+    /// Irradiance that a sampled sky can give; 0 where it is not sampled.
+    sky_irradiance: f32,
     emitters: Option<Arc<Emitters>>,
-    emitters_probability: f32,
+    /// [`Lights::has_sampled_light`].
+    is_sampled: bool,
     strategy: LightStrategy,
+}
+
+/// One light; all emissive surfaces together are one.
+#[derive(Clone, Copy, Debug)]
+enum Light {
+    Sky,
+    Sun(usize),
+    Lamp(usize),
+    Emitters,
+}
+
+/// What the probabilities of lights at a receiver are relative to ([`Lights::odds`]).
+#[derive(Clone, Copy, Debug, Default, PartialEq)]
+pub struct LightOdds {
+    /// Sum of the weights of all lights.
+    pub total: f32,
+    /// Number of lights whose weight is above 0.
+    pub lit: f32,
+}
+
+/// Most irradiance of a light by which it is chosen, so that sums are finite.
+const MOST_IRRADIANCE: f32 = 1e30;
+
+/// Part of the probability that all lights that are lit share evenly: a weak light may be the only one that reaches a corner.
+const EVENLY: f32 = 0.1;
+
+impl LightOdds {
+    /// Probability of a light of this weight.
+    #[inline]
+    fn share(&self, weight: f32) -> f32 {
+        if weight > 0.0 { EVENLY / self.lit + (1.0 - EVENLY) * (weight / self.total) } else { 0.0 }
+    }
 }
 
 impl Lights {
     /// Lights of a scene without lamps.
     pub fn new(sky: Sky, suns: Vec<ReadySun>, backdrop: Option<[[f32; 3]; 2]>) -> Self {
         let backdrop = backdrop.map(|b| b.map(Vec3::from_array));
+        let sky_irradiance = match &sky {
+            Sky::Constant(_) => 0.0,
+            Sky::Image(table) => table.irradiance,
+        };
         let lights = Self {
             sky,
             suns,
             lamps: Vec::new(),
             backdrop,
-            cdf: Vec::new(),
+            sky_irradiance,
             emitters: None,
-            emitters_probability: 0.0,
+            is_sampled: false,
             strategy: LightStrategy::Mis,
         };
         lights.with_lamps(Vec::new())
@@ -93,46 +132,15 @@ impl Lights {
     /// The same lights with these lamps.
     #[must_use]
     pub fn with_lamps(self, lamps: Vec<ReadyLamp>) -> Self {
-        let emitters = self.emitters.clone();
         let lights = Self { lamps, ..self };
-        Self { cdf: light_cdf(&lights.powers()), ..lights }.with_emitters(emitters)
+        Self { is_sampled: lights.has_sampled_light(), ..lights }
     }
 
     /// The same lights with these emissive surfaces.
     #[must_use]
     pub fn with_emitters(self, emitters: Option<Arc<Emitters>>) -> Self {
-        let emitters_probability =
-            emitters.as_ref().map_or(0.0, |e| self.probability_of_emitters(e.irradiance()));
-        Self { emitters: emitters.filter(|_| emitters_probability > 0.0), emitters_probability, ..self }
-    }
-
-    /// Probability of sampling emissive surfaces of this irradiance rather than one of the other lights.
-    pub fn probability_of_emitters(&self, irradiance: f32) -> f32 {
-        if irradiance <= 0.0 {
-            return 0.0;
-        }
-        if self.cdf.is_empty() {
-            return 1.0;
-        }
-        // Same rule as in `light_cdf`.
-        let powers = self.powers();
-        let lit = powers.iter().filter(|&&p| p > 0.0).count() + 1;
-        let total = powers.iter().sum::<f32>() + irradiance;
-        let part = if total.is_finite() { irradiance / total } else { 0.5 };
-        0.9 * part + 0.1 / lit as f32
-    }
-
-    /// Irradiance that the sky, each sun and each lamp can give.
-    fn powers(&self) -> Vec<f32> {
-        let sky_power = match &self.sky {
-            Sky::Constant(_) => 0.0,
-            Sky::Image(table) => table.total_radiance(),
-        };
-        let suns = self.suns.iter().map(ReadySun::irradiance);
-        std::iter::once(sky_power)
-            .chain(suns)
-            .chain(self.lamps.iter().map(|l| l.power() / 4.0 / PI))
-            .collect()
+        let lights = Self { emitters: emitters.filter(|e| e.irradiance() > 0.0), ..self };
+        Self { is_sampled: lights.has_sampled_light(), ..lights }
     }
 
     /// The same lights with this strategy.
@@ -162,9 +170,9 @@ impl Lights {
         self.backdrop
     }
 
-    /// Cumulative probabilities: of the sky, then each sun, then each lamp; empty where none of them is sampled.
-    pub fn cdf(&self) -> &[f32] {
-        &self.cdf
+    /// Irradiance that the sky can give where it is sampled, else 0.
+    pub fn sky_irradiance(&self) -> f32 {
+        self.sky_irradiance
     }
 
     /// The emissive surfaces that light sampling can choose.
@@ -172,55 +180,119 @@ impl Lights {
         self.emitters.as_ref()
     }
 
-    /// Probability of sampling an emissive surface.
-    pub fn emitters_probability(&self) -> f32 {
-        self.emitters_probability
-    }
-
     /// The strategy.
     pub fn strategy(&self) -> LightStrategy {
         self.strategy
     }
 
+    /// Whether some light is of a kind that is sampled.
+    pub fn has_sampled_light(&self) -> bool {
+        let suns = self.suns.iter().any(|sun| sun.irradiance() > 0.0);
+        self.sky_irradiance > 0.0 || suns || !self.lamps.is_empty() || self.emitters.is_some()
+    }
+
     /// Whether any light is sampled.
     #[inline]
     pub fn samples_lights(&self) -> bool {
-        (!self.cdf.is_empty() || self.emitters.is_some()) && self.strategy != LightStrategy::BsdfOnly
+        self.is_sampled && self.strategy != LightStrategy::BsdfOnly
     }
 
+    /// Irradiance that a light can give to a receiver; 0 only where it gives none.
     #[inline]
-    fn probability(&self, light: usize) -> f32 {
-        match self.cdf.get(light) {
-            Some(&end) => {
-                (end - if light == 0 { 0.0 } else { self.cdf[light - 1] }) * (1.0 - self.emitters_probability)
-            }
-            None => 0.0,
-        }
+    fn weight(&self, light: Light, from: &Receiver) -> f32 {
+        let weight = match light {
+            Light::Sky => self.sky_irradiance,
+            Light::Sun(i) => self.suns[i].irradiance_at(from),
+            Light::Lamp(i) => self.lamps[i].irradiance_at(from),
+            Light::Emitters => self.emitters.as_ref().map_or(0.0, |e| e.irradiance_at(from)),
+        };
+        weight.min(MOST_IRRADIANCE)
     }
 
-    /// Samples a light and a direction towards it; `None` where [`Lights::samples_lights`] is false or the sample carries no light.
-    /// `further` gives more random numbers, and is only called where one of many emissive surfaces is chosen.
+    /// All lights, in the order in which they are chosen.
+    #[inline]
+    fn all(&self) -> impl Iterator<Item = Light> + use<> {
+        let (suns, lamps) = ((0..self.suns.len()).map(Light::Sun), (0..self.lamps.len()).map(Light::Lamp));
+        std::iter::once(Light::Sky).chain(suns).chain(lamps).chain([Light::Emitters])
+    }
+
+    /// The odds of all lights at a receiver.
+    #[inline]
+    pub fn odds(&self, from: &Receiver) -> LightOdds {
+        let mut odds = LightOdds::default();
+        for light in self.all() {
+            let weight = self.weight(light, from);
+            odds.total += weight;
+            odds.lit += if weight > 0.0 { 1.0 } else { 0.0 };
+        }
+        odds
+    }
+
+    /// Probability of sampling a light at a receiver with these odds.
+    #[inline]
+    fn probability(&self, light: Light, from: &Receiver, odds: &LightOdds) -> f32 {
+        odds.share(self.weight(light, from))
+    }
+
+    /// Chooses a light; returns it with its probability, and with the part of that probability at which it was chosen, from 0 to 1.
+    #[inline]
+    fn choose(&self, from: &Receiver, odds: &LightOdds, mut choice: f32) -> Option<(Light, f32, f32)> {
+        let mut chosen = None;
+        let mut chance = 0.0;
+        for light in self.all() {
+            let probability = self.probability(light, from, odds);
+            if probability > 0.0 {
+                // Rounding may leave a rest beyond the last.
+                choice -= chance;
+                (chosen, chance) = (Some(light), probability);
+                if choice < probability {
+                    break;
+                }
+            }
+        }
+        chosen.map(|light| (light, chance, (choice / chance).clamp(0.0, BELOW_ONE)))
+    }
+
+    /// Samples a light and a direction towards it from a receiver with these odds; `None` where the sample carries no light. `further` gives
+    /// more random numbers, and is only called where one of many emissive surfaces is chosen.
     #[inline]
     pub fn sample_light(
         &self,
         from: &Receiver,
+        odds: &LightOdds,
         choice: f32,
         u: [f32; 2],
         further: impl FnOnce() -> [f32; 2],
     ) -> Option<LightSample> {
-        let Some(emitters) = &self.emitters else { return self.sample_infinite_or_lamp(from, choice, u) };
-        if choice >= self.emitters_probability {
-            let choice = (choice - self.emitters_probability) / (1.0 - self.emitters_probability);
-            return self.sample_infinite_or_lamp(from, choice, u);
-        }
-        let s = emitters.sample(from, choice / self.emitters_probability, further(), u)?;
-        let pdf = s.pdf * self.emitters_probability;
-        Some(LightSample {
-            direction: s.direction,
-            radiance_over_pdf: s.radiance / pdf,
-            pdf: Some(pdf),
-            distance: s.distance,
-            instance: Some(s.instance),
+        let (light, chance, within) = self.choose(from, odds, choice)?;
+        let mut distance = f64::INFINITY;
+        let mut instance = None;
+        let (direction, radiance, pdf) = match light {
+            Light::Sky => {
+                let Sky::Image(table) = &self.sky else { return None };
+                let (d, l, pdf) = table.sample(u);
+                (d, l, Some(pdf))
+            }
+            Light::Sun(i) => self.suns[i].sample(u),
+            Light::Lamp(i) => {
+                let s = self.lamps[i].sample(from, u)?;
+                distance = f64::from(s.distance) * TOUCHING;
+                (s.direction.as_dvec3(), s.radiance, (s.pdf > 0.0).then_some(s.pdf))
+            }
+            Light::Emitters => {
+                let s = self.emitters.as_ref()?.sample(from, within, further(), u)?;
+                (distance, instance) = (s.distance, Some(s.instance));
+                (s.direction, s.radiance, Some(s.pdf))
+            }
+        };
+        let pdf = pdf.map(|p| p * chance);
+        let over = pdf.unwrap_or(chance);
+        (over > 0.0).then(|| LightSample {
+            direction,
+            radiance_over_pdf: radiance / over,
+            pdf,
+            distance,
+            instance,
         })
     }
 
@@ -230,6 +302,7 @@ impl Lights {
         &self,
         tracer: &T,
         from: &Receiver,
+        odds: &LightOdds,
         hit: &Hit,
         distance: f64,
         pdf: f32,
@@ -240,36 +313,9 @@ impl Lights {
             return 1.0;
         }
         let box_origin = || tracer.box_origin(&hit.surface);
-        let aimed = emitters.pdf(from, &hit.surface, box_origin, distance) * self.emitters_probability;
+        let aimed = emitters.pdf(from, &hit.surface, box_origin, distance)
+            * self.probability(Light::Emitters, from, odds);
         self.bsdf_mis_weight(pdf, aimed)
-    }
-
-    /// [`Lights::sample_light`] for lights that are not surfaces.
-    #[inline]
-    pub fn sample_infinite_or_lamp(&self, from: &Receiver, choice: f32, u: [f32; 2]) -> Option<LightSample> {
-        let light = self.cdf.partition_point(|&e| e <= choice);
-        let chance = self.probability(light);
-        let mut distance = f64::INFINITY;
-        let (direction, radiance, pdf) = if light == 0 {
-            let Sky::Image(table) = &self.sky else { return None };
-            let (d, l, pdf) = table.sample(u);
-            (d, l, Some(pdf))
-        } else if let Some(sun) = self.suns.get(light - 1) {
-            sun.sample(u)
-        } else {
-            let s = self.lamps.get(light - 1 - self.suns.len())?.sample(from, u)?;
-            distance = f64::from(s.distance) * TOUCHING;
-            (s.direction.as_dvec3(), s.radiance, (s.pdf > 0.0).then_some(s.pdf))
-        };
-        let pdf = pdf.map(|p| p * chance);
-        let over = pdf.unwrap_or(chance);
-        (over > 0.0).then(|| LightSample {
-            direction,
-            radiance_over_pdf: radiance / over,
-            pdf,
-            distance,
-            instance: None,
-        })
     }
 
     /// MIS weight of sampled light that BSDF sampling would have found with density `other`.
@@ -290,18 +336,20 @@ impl Lights {
         }
     }
 
-    /// Light at infinity that a scattered ray (unit direction, sampled with density `pdf`) finds, with its MIS weight.
+    /// Light at infinity that a ray (unit direction) finds which was scattered at `from` with density `pdf`, with its MIS weight.
     #[inline]
-    pub fn infinite_emission(&self, direction: DVec3, pdf: f32) -> Vec3 {
+    pub fn infinite_emission(&self, from: &Receiver, odds: &LightOdds, direction: DVec3, pdf: f32) -> Vec3 {
         let mut light = match &self.sky {
             Sky::Constant(radiance) => *radiance,
             Sky::Image(table) => {
-                table.eval(direction) * self.bsdf_mis_weight(pdf, table.pdf(direction) * self.probability(0))
+                let chance = self.probability(Light::Sky, from, odds);
+                table.eval(direction) * self.bsdf_mis_weight(pdf, table.pdf(direction) * chance)
             }
         };
         for (i, sun) in self.suns.iter().enumerate() {
             if let Some((radiance, sun_pdf)) = sun.eval(direction) {
-                light += radiance * self.bsdf_mis_weight(pdf, sun_pdf * self.probability(i + 1));
+                let chance = self.probability(Light::Sun(i), from, odds);
+                light += radiance * self.bsdf_mis_weight(pdf, sun_pdf * chance);
             }
         }
         light
@@ -310,14 +358,21 @@ impl Lights {
     /// Light of all lamps that a ray (unit direction) passes through within the distance `limit`, where the ray was scattered at `from`
     /// with density `pdf`.
     #[inline]
-    pub fn lamp_emission(&self, from: &Receiver, direction: DVec3, limit: f64, pdf: f32) -> Vec3 {
+    pub fn lamp_emission(
+        &self,
+        from: &Receiver,
+        odds: &LightOdds,
+        direction: DVec3,
+        limit: f64,
+        pdf: f32,
+    ) -> Vec3 {
         let direction = direction.as_vec3();
         let mut light = Vec3::ZERO;
         for (i, lamp) in self.lamps.iter().enumerate() {
             if let Some(met) = lamp.meet(from, direction)
                 && f64::from(met.distance) * TOUCHING < limit
             {
-                let chance = self.probability(1 + self.suns.len() + i);
+                let chance = self.probability(Light::Lamp(i), from, odds);
                 light += met.radiance * self.bsdf_mis_weight(pdf, met.pdf * chance);
             }
         }
@@ -342,29 +397,6 @@ impl Lights {
             (None, Sky::Image(table)) => table.eval(direction),
         }
     }
-}
-
-/// Cumulative probabilities of lights with these powers; empty where all powers are 0.
-fn light_cdf(powers: &[f32]) -> Vec<f32> {
-    let total: f32 = powers.iter().sum();
-    let lit = powers.iter().filter(|&&p| p > 0.0).count() as f32;
-    let mut ends = Vec::new();
-    if total > 0.0 && total.is_finite() {
-        let mut end = 0.0;
-        for p in powers {
-            // A tenth is distributed evenly: a weak light may be the only one that reaches a corner.
-            end += if *p > 0.0 { 0.9 * p / total + 0.1 / lit } else { 0.0 };
-            ends.push(end);
-        }
-        // The last light with a probability above 0 ends at exactly 1, despite rounding.
-        for e in ends.iter_mut().rev() {
-            if *e < end {
-                break;
-            }
-            *e = 1.0;
-        }
-    }
-    ends
 }
 
 /// Veach 1997, eq. 9.13 with β = 2, computed from ratios because squares of peaked densities overflow.

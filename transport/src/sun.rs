@@ -8,6 +8,9 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 use pumice_scene::Sun;
 
+use crate::Receiver;
+use crate::lamp::HORIZON;
+
 /// A sun, prepared for sampling.
 #[derive(Clone, Copy, Debug)]
 pub struct ReadySun {
@@ -60,6 +63,21 @@ impl ReadySun {
             let cos = 1.0 - self.one_minus_cos_half_angle;
             l * (PI * (1.0 - cos * cos)) as f32
         }
+    }
+
+    /// About the largest irradiance that a receiver can have from the sun, for choosing among lights; 0 only where the sun is below its
+    /// horizon.
+    #[inline]
+    pub fn irradiance_at(&self, from: &Receiver) -> f32 {
+        let cos = self.towards.as_vec3().dot(from.normal);
+        let cos = if from.both_sides { cos.abs() } else { cos };
+        self.irradiance() * (cos + self.sin_half_angle() + HORIZON).clamp(0.0, 1.0)
+    }
+
+    /// Sine of half the angle; 1 where the sun fills more than half of the sky.
+    pub fn sin_half_angle(&self) -> f32 {
+        let w = self.one_minus_cos_half_angle;
+        if w > 1.0 { 1.0 } else { (w * (2.0 - w)).sqrt() as f32 }
     }
 
     /// Samples a direction towards the sun; returns its radiance and its density per solid angle (`None` for a single direction, whose

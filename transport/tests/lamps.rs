@@ -360,7 +360,7 @@ fn extremes_are_finite() {
         }
         for shape in shapes {
             let lamp = ReadyLamp::new(&light(shape));
-            assert!(lamp.power().is_finite(), "{shape:?}: {lamp:?}");
+            assert!(lamp.intensity.is_finite(), "{shape:?}: {lamp:?}");
             for away in [0.0, 1e-30, 1e-12, 1e-3, 1.0, 1e6, 1e12] {
                 for _ in 0..40 {
                     let d = Vec3::new(random(&mut state), random(&mut state), random(&mut state)) - 0.5;
@@ -368,6 +368,15 @@ fn extremes_are_finite() {
                     let from = Receiver { point, normal: Vec3::Z, both_sides: random(&mut state) < 0.5 };
                     let u = [random(&mut state), random(&mut state)];
                     let direction = -d.normalize();
+                    let weight = lamp.irradiance_at(&from);
+                    assert!(weight.is_finite() && weight >= 0.0, "{shape:?} from {away}: {weight}");
+                    // A lamp of weight 0 is never chosen: no light of it may be seen there, but for what underflows.
+                    if let Some(s) = lamp.sample(&from, u)
+                        && (from.both_sides || s.direction.z > 0.0)
+                        && s.radiance.x / s.pdf.max(1.0) > 1e-30
+                    {
+                        assert!(weight > 0.0, "{shape:?} from {away}: {s:?} is never sampled");
+                    }
                     for s in [lamp.sample(&from, u), lamp.meet(&from, direction)].into_iter().flatten() {
                         lit += 1;
                         let whole = s.radiance.is_finite() && s.pdf.is_finite() && s.pdf >= 0.0;
@@ -379,4 +388,35 @@ fn extremes_are_finite() {
         }
     }
     assert!(lit > 10_000, "{lit}");
+}
+
+/// Lamps are chosen by about the irradiance that they give: exactly for a point straight above, within a half for what is small beside its
+/// distance, and never by light that is not there.
+#[test]
+fn lamps_are_chosen_by_the_irradiance_that_they_give() {
+    let mut state = 5;
+    for case in 0..400 {
+        let lamp = match case % 4 {
+            0 => point(2.0, 0.0, false),
+            1 => point(2.0, 0.2, case % 8 == 1),
+            2 => area(2.0, Outline::Rectangle, [0.3, 0.1], PI),
+            _ => area(2.0, Outline::Ellipse, [0.2, 0.3], PI),
+        };
+        let from =
+            floor(4.0 * f64::from(random(&mut state)) - 2.0, 4.0 * f64::from(random(&mut state)) - 2.0);
+        let (weight, true_one) = (f64::from(lamp.irradiance_at(&from)), irradiance(&lamp, &from, 32));
+        let ratio = weight / true_one;
+        assert!((0.66..1.5).contains(&ratio), "{lamp:?} from {from:?}: {weight} for {true_one}");
+    }
+    let above = point(2.0, 0.0, false).irradiance_at(&floor(0.0, 0.0));
+    assert!((f64::from(above) / (100.0 / (16.0 * PI)) - 1.0).abs() < 1e-5, "{above}");
+
+    // Behind a flat lamp, below the receiver's horizon; and with both sides, above 0.
+    let up =
+        |z: f64, both_sides: bool| Receiver { point: DVec3::new(0.0, 0.0, z), normal: Vec3::Z, both_sides };
+    assert_eq!(area(2.0, Outline::Rectangle, [0.3, 0.1], PI).irradiance_at(&up(2.5, true)), 0.0);
+    assert_eq!(point(2.0, 0.1, false).irradiance_at(&up(2.5, false)), 0.0);
+    assert!(point(2.0, 0.1, false).irradiance_at(&up(2.5, true)) > 0.0);
+    // A ball that touches the horizon is still seen.
+    assert!(point(2.0, 0.1, false).irradiance_at(&up(2.09, false)) > 0.0);
 }

@@ -8,6 +8,9 @@
 #include "material_table.glsl"
 #include "coat.glsl"
 
+// Least f32 that is not denormal.
+const float LEAST_IRRADIANCE = 1.17549435e-38;
+
 // Marks an instance without emitters.
 const uint NOT_EMISSIVE = 0xFFFFFFFFu;
 
@@ -240,6 +243,13 @@ bool face_is_listed(Emitters emitters, uvec2 list, uint code) {
         }
     }
     return low < list.y && face_code(emitters, low) == code;
+}
+
+// About the irradiance of a receiver, for choosing among lights; `around` is that of the ball around them.
+float emitters_irradiance_at(Emitters emitters, float around, Receiver from) {
+    DVec3 way = dvec3_sub(from.point, dvec3_from_bits(emitters.middle));
+    vec3 radii = dvec3_to_vec3(dvec3_scale(way, f64_div(F64_ONE, f64_from_bits(emitters.radius))));
+    return max(around / max(dot(radii, radii), 1.0), LEAST_IRRADIANCE);
 }
 
 // Density with which emitters_sample gives a direction to this surface (seen from outside, or from a triangle's side), `distance_to` away

@@ -5,6 +5,8 @@
 
 #include "sun.glsl"
 
+const float LEAST_SINE = 1e-6;
+
 vec3 environment_pixel(Environment table, uint x, uint y) {
     Floats pixels = Floats(table.pixels);
     uint at = 3u * (y * table.width + x);
@@ -21,17 +23,30 @@ vec2 environment_place(Environment table, vec3 direction) {
     return vec2(u * float(table.width), v * float(table.height));
 }
 
-// Linear interpolation between pixel centres, wrapping horizontally, clamped at the poles.
-vec3 environment_between(Environment table, vec2 place) {
+// The pixels around a place in the picture: upper left, upper right, lower left, lower right; and the place among them, from 0 to 1.
+vec2 environment_around(Environment table, vec2 place, out vec3 pixels[4]) {
     float x = place.x - 0.5, y = clamp(place.y - 0.5, 0.0, float(table.height - 1u));
     float x0 = floor(x), y0 = floor(y);
-    float fx = x - x0, fy = y - y0;
     uint left = uint(int(x0) + int(table.width)) % table.width;
     uint right = (left + 1u) % table.width;
     uint top = uint(y0), bottom = min(top + 1u, table.height - 1u);
-    vec3 upper = mix(environment_pixel(table, left, top), environment_pixel(table, right, top), fx);
-    vec3 lower = mix(environment_pixel(table, left, bottom), environment_pixel(table, right, bottom), fx);
-    return mix(upper, lower, fy) * table.strength;
+    pixels[0] = environment_pixel(table, left, top);
+    pixels[1] = environment_pixel(table, right, top);
+    pixels[2] = environment_pixel(table, left, bottom);
+    pixels[3] = environment_pixel(table, right, bottom);
+    return vec2(x - x0, y - y0);
+}
+
+vec3 bilinear(vec3 pixels[4], vec2 place) {
+    vec3 upper = pixels[0] + (pixels[1] - pixels[0]) * place.x, lower = pixels[2] + (pixels[3] - pixels[2]) * place.x;
+    return upper + (lower - upper) * place.y;
+}
+
+// Linear interpolation between pixel centres, wrapping horizontally, clamped at the poles.
+vec3 environment_between(Environment table, vec2 place) {
+    vec3 pixels[4];
+    place = environment_around(table, place, pixels);
+    return bilinear(pixels, place) * table.strength;
 }
 
 // Radiance from a unit direction.
@@ -39,11 +54,26 @@ vec3 environment_eval(Environment table, vec3 direction) {
     return environment_between(table, environment_place(table, direction));
 }
 
+// Brightness of a pixel above the floor.
+float environment_excess(Environment table, vec3 pixel) {
+    return max(max(max(pixel.x, pixel.y), pixel.z) - table.floor, 0.0);
+}
+
+// Density in a row of cells, where the interpolated excess of four pixels is this and the polar angle has this sine.
+float environment_density(Environment table, vec3 pixels[4], vec2 place, uint row, float sine) {
+    float a = environment_excess(table, pixels[0]), b = environment_excess(table, pixels[1]);
+    float c = environment_excess(table, pixels[2]), d = environment_excess(table, pixels[3]);
+    float upper = a + (b - a) * place.x, lower = c + (d - c) * place.x;
+    return (upper + (lower - upper) * place.y) * Floats(table.row_density).at[row] / max(sine, LEAST_SINE);
+}
+
 // Probability density per solid angle of a unit direction in environment_sample.
 float environment_pdf(Environment table, vec3 direction) {
     vec2 place = environment_place(table, direction);
-    uint x = min(uint(place.x), table.width - 1u), y = min(uint(place.y), table.height - 1u);
-    return Floats(table.density).at[y * table.width + x];
+    uint row = min(uint(place.y + 0.5), table.height);
+    vec3 pixels[4];
+    vec2 among = environment_around(table, place, pixels);
+    return environment_density(table, pixels, among, row, length(direction.xy));
 }
 
 // How many of the values 1 to count − 1 of a cdf, counted from `first`, are at most u.
@@ -73,36 +103,52 @@ uint cdf_index(Floats cdf, uint first, uint count, float u) {
     return low;
 }
 
+// Inverts the cdf of a density on [0, 1] that goes linearly from `from` to `to`.
+float sample_linear(float from, float to, float u) {
+    float root = sqrt(max(from * from + (to * to - from * from) * u, 0.0));
+    float both = from + root;
+    return both > 0.0 ? clamp(u * (from + to) / both, 0.0, 1.0) : u;
+}
+
 // Samples a unit direction, with its radiance and its density per solid angle.
 SunSample environment_sample(Environment table, vec2 u) {
     Longs row_cdf = Longs(table.row_cdf);
     f64 v = f64_from_f32(u.y);
-    uint y = cdf_index_f64(row_cdf, table.height, v);
-    f64 row_start = f64_from_bits(row_cdf.at[y]), row_end = f64_from_bits(row_cdf.at[y + 1u]);
+    uint row = cdf_index_f64(row_cdf, table.height + 1u, v);
+    f64 row_start = f64_from_bits(row_cdf.at[row]), row_end = f64_from_bits(row_cdf.at[row + 1u]);
     float in_row = clamp(f64_to_f32(f64_div(f64_sub(v, row_start), f64_sub(row_end, row_start))), 0.0, 1.0);
     Floats cdf = Floats(table.column_cdf);
-    uint first = y * (table.width + 1u);
-    uint x = cdf_index(cdf, first, table.width, u.x);
-    float start = cdf.at[first + x], end = cdf.at[first + x + 1u];
+    uint first = row * (table.width + 1u);
+    uint left = cdf_index(cdf, first, table.width, u.x);
+    float start = cdf.at[first + left], end = cdf.at[first + left + 1u];
     float in_column = clamp((u.x - start) / (end - start), 0.0, 1.0);
-    // Uniform in z, measured from the nearer pole by 1 − |z| = 2 sin²(θ/2), so that nothing cancels where the rows are small.
-    bool north = 2u * y < table.height;
-    float above = float(north ? y : table.height - y), below = float(north ? y + 1u : table.height - y - 1u);
-    float to_half_angle = 0.5 * PI / float(table.height);
-    float sine_above = sin_cos(above * to_half_angle).x, sine_below = sin_cos(below * to_half_angle).x;
-    float from_pole = 2.0 * mix(sine_above * sine_above, sine_below * sine_below, in_row);
-    float z = north ? 1.0 - from_pole : from_pole - 1.0;
-    float sine = sqrt(max(from_pole * (2.0 - from_pole), 0.0));
-    float place_x = float(x) + in_column;
+    uint top = row == 0u ? 0u : row - 1u, bottom = min(row, table.height - 1u), right = (left + 1u) % table.width;
+    vec3 pixels[4];
+    pixels[0] = environment_pixel(table, left, top);
+    pixels[1] = environment_pixel(table, right, top);
+    pixels[2] = environment_pixel(table, left, bottom);
+    pixels[3] = environment_pixel(table, right, bottom);
+    float a = environment_excess(table, pixels[0]), b = environment_excess(table, pixels[1]);
+    float c = environment_excess(table, pixels[2]), d = environment_excess(table, pixels[3]);
+    float fy = sample_linear(a + b, c + d, in_row);
+    float fx = sample_linear(a + (c - a) * fy, b + (d - b) * fy, in_column);
+    // The polar angle from the nearer pole, so that nothing cancels where the rows are small.
+    bool north = 2u * row < table.height;
+    float above = max(float(row) - 0.5, 0.0), below = min(float(row) + 0.5, float(table.height));
+    float place_y = above + (below - above) * fy;
+    float from_pole = north ? place_y : (float(table.height) - below) + (below - above) * (1.0 - fy);
+    vec2 polar = sin_cos(from_pole * (PI / float(table.height)));
+    float sine = polar.x, z = north ? polar.y : -polar.y;
+    float place_x = float(left) + 0.5 + fx;
     float azimuth =
         (0.5 - place_x / float(table.width)) * 2.0 * PI + f64_to_f32(f64_from_bits(table.rotation_rad));
     vec2 sc = sin_cos(azimuth);
     SunSample result;
     result.direction =
         dvec3_of(f64_from_f32(sine * sc.y), f64_from_f32(sine * sc.x), f64_from_f32(z));
-    float place_y = atan2_of(sine, z) / PI * float(table.height);
-    result.radiance = environment_between(table, vec2(place_x, place_y));
-    result.pdf = Floats(table.density).at[y * table.width + x];
+    vec2 among = vec2(fx, fy);
+    result.radiance = bilinear(pixels, among) * table.strength;
+    result.pdf = environment_density(table, pixels, among, row, sine);
     return result;
 }
 

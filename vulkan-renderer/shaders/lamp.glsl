@@ -5,8 +5,34 @@
 #include "lamp_area.glsl"
 #include "lamp_disk.glsl"
 
+const float LEAST_SQUARED_TO_LAMP = 1e-30;
+const float LEAST_LAMP_COSINE = 1e-3;
+
 vec3 to_middle_of(Lamp lamp, Receiver from) {
     return dvec3_to_vec3(dvec3_sub(dvec3_from_bits(lamp.position), from.point));
+}
+
+// About the irradiance of a receiver, for choosing among lights.
+float lamp_irradiance_at(Lamp lamp, Receiver from) {
+    vec3 way = to_middle_of(lamp, from);
+    float height = -dot(way, vec3_of(lamp.axis));
+    bool is_flat = lamp.kind > LAMP_SPOT;
+    if (is_flat && height <= 0.0) {
+        return 0.0;
+    }
+    float u = lamp.half_extent[0], v = lamp.half_extent[1];
+    float radius = is_flat ? sqrt(u * u + v * v) : u;
+    float squared = max(max(dot(way, way), radius * radius), LEAST_SQUARED_TO_LAMP);
+    float distance_to = sqrt(squared);
+    float cosine = 1.0;
+    if (!from.both_sides) {
+        cosine = clamp((dot(way, from.normal) + radius) / distance_to + HORIZON, 0.0, 1.0);
+    }
+    float irradiance = lamp.intensity;
+    if (!(is_flat && lamp.tan_half_spread == 0.0)) {
+        irradiance *= (is_flat ? max(height / distance_to, LEAST_LAMP_COSINE) : 1.0) / squared;
+    }
+    return irradiance * cosine;
 }
 
 // Samples a direction towards it.

@@ -4,6 +4,7 @@
 
 #include "layout.glsl"
 #include "sun.glsl"
+#include "receiver.glsl"
 
 const uint LAMP_BALL = 0u;
 const uint LAMP_SPOT = 1u;
@@ -11,13 +12,6 @@ const uint LAMP_RECTANGLE = 2u;
 const uint LAMP_ELLIPSE = 3u;
 
 const float LEAST_SIN_SQUARED = 1e-13;
-
-// The point that receives light.
-struct Receiver {
-    DVec3 point;
-    vec3 normal;
-    bool both_sides;
-};
 
 // Light from a lamp along one direction. Where `pdf` is 0 it is the only direction, and `radiance` is irradiance.
 struct LampSample {

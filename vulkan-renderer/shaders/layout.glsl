@@ -68,18 +68,17 @@ struct Settings {
 };
 
 struct Lights {
-    Address cdf;
     Address suns;
-    uint light_count;
+    Address lamps;
     uint sun_count;
+    uint lamp_count;
     uint strategy;
     float sky[3];
     uint has_backdrop;
     float backdrop[2][3];
-    uint lamp_count;
-    Address lamps;
-    float emitters_probability;
-    uint reserved;
+    float sky_irradiance;
+    float emitters_irradiance;
+    uint is_sampled;
 };
 
 struct Sun {
@@ -89,6 +88,8 @@ struct Sun {
     F64Bits one_minus_cos_half_angle;
     float radiance[3];
     float cone_pdf;
+    float irradiance;
+    float sin_half_angle;
 };
 
 struct Lamp {
@@ -104,19 +105,19 @@ struct Lamp {
     float spread_factor;
     uint soft;
     uint visible_to_camera;
-    uint reserved;
+    float intensity;
 };
 
 struct Environment {
     Address pixels;
-    Address density;
     Address row_cdf;
     Address column_cdf;
+    Address row_density;
     F64Bits rotation_rad;
     uint width;
     uint height;
     float strength;
-    uint reserved;
+    float floor;
 };
 
 struct LightNode {
@@ -159,6 +160,7 @@ struct Emitters {
     Address emissive_instance_of;
     F64Bits middle[3];
     F64Bits scale;
+    F64Bits radius;
     uint count;
     uint emissive_instance_of_count;
 };

@@ -7,6 +7,9 @@
 #include "emitters.glsl"
 #include "needs.glsl"
 
+const float EVENLY = 0.1;
+const float MOST_IRRADIANCE = 1e30;
+
 const uint STRATEGY_MIS = 0u;
 const uint STRATEGY_LIGHTS_ONLY = 1u;
 const uint STRATEGY_BSDF_ONLY = 2u;
@@ -32,30 +35,84 @@ float power_heuristic(float a, float b) {
 
 // Whether any light is sampled.
 bool samples_lights(Lights lights) {
-    return (lights.light_count != 0u || lights.emitters_probability > 0.0) && lights.strategy != STRATEGY_BSDF_ONLY;
+    return lights.is_sampled != 0u && lights.strategy != STRATEGY_BSDF_ONLY;
 }
 
-float light_probability(Lights lights, uint light) {
-    if (light >= lights.light_count) {
-        return 0.0;
+// The sky is light 0, then come suns, lamps, and all emissive surfaces together.
+uint light_count(Lights lights) {
+    return lights.sun_count + lights.lamp_count + 2u;
+}
+
+// About the irradiance that a light can give to a receiver; 0 only where it gives none.
+float light_weight(SceneRef scene, Lights lights, uint light, Receiver from) {
+    float weight;
+    if (light == 0u) {
+        weight = lights.sky_irradiance;
+    } else if (light <= lights.sun_count) {
+        weight = sun_irradiance_at(Suns(lights.suns).at[light - 1u], from);
+    } else if (light <= lights.sun_count + lights.lamp_count) {
+        weight = lamp_irradiance_at(Lamps(lights.lamps).at[light - 1u - lights.sun_count], from);
+    } else {
+        weight = NEEDS_EMITTERS == 0u || lights.emitters_irradiance == 0.0
+            ? 0.0
+            : emitters_irradiance_at(scene.it.emitters, lights.emitters_irradiance, from);
     }
-    Floats cdf = Floats(lights.cdf);
-    return (cdf.at[light] - (light == 0u ? 0.0 : cdf.at[light - 1u])) * (1.0 - lights.emitters_probability);
+    return min(weight, MOST_IRRADIANCE);
 }
 
-// Samples a light that is no surface, and a direction towards it.
-LightSample sample_infinite_or_lamp(Lights lights, Environment sky, Receiver from, float choice, vec2 u) {
+// What the probabilities of lights at a receiver are relative to: the sum of the weights, and the number of those above 0.
+struct LightOdds {
+    float total;
+    float lit;
+};
+
+LightOdds light_odds(SceneRef scene, Lights lights, Receiver from) {
+    LightOdds odds = LightOdds(0.0, 0.0);
+    for (uint light = 0u; light < light_count(lights); light++) {
+        float weight = light_weight(scene, lights, light, from);
+        odds.total += weight;
+        odds.lit += weight > 0.0 ? 1.0 : 0.0;
+    }
+    return odds;
+}
+
+// Probability of sampling a light at a receiver with these odds.
+float light_probability(SceneRef scene, Lights lights, uint light, Receiver from, LightOdds odds) {
+    float weight = light_weight(scene, lights, light, from);
+    return weight > 0.0 ? EVENLY / odds.lit + (1.0 - EVENLY) * (weight / odds.total) : 0.0;
+}
+
+// Chooses a light. `within`: the part of its probability at which it was chosen.
+uint choose_light(SceneRef scene, Lights lights, Receiver from, LightOdds odds, float choice, out float chance, out float within) {
+    uint chosen = NONE;
+    chance = 0.0;
+    for (uint light = 0u; light < light_count(lights); light++) {
+        float probability = light_probability(scene, lights, light, from, odds);
+        if (probability > 0.0) {
+            choice -= chance;
+            chosen = light;
+            chance = probability;
+            if (choice < probability) {
+                break;
+            }
+        }
+    }
+    within = clamp(choice / chance, 0.0, BELOW_ONE);
+    return chosen;
+}
+
+// Samples a direction towards a light that was chosen with this probability (see choose_light); the numbers `further` are for emissive
+// surfaces.
+LightSample sample_light(
+    SceneRef scene, Lights lights, Environment sky, Receiver from, uint light, float chance, float within, vec2 u, vec2 further) {
     LightSample result;
     result.found = false;
     result.distance_to = F64_INFINITY;
     result.instance = NONE;
-    Floats cdf = Floats(lights.cdf);
-    uint light = 0u;
-    while (light < lights.light_count && cdf.at[light] <= choice) {
-        light += 1u;
-    }
-    float probability = light_probability(lights, light);
     SunSample s;
+    if (light == NONE) {
+        return result;
+    }
     if (light == 0u) {
         if (sky.width == 0u) {
             return result;
@@ -66,44 +123,31 @@ LightSample sample_infinite_or_lamp(Lights lights, Environment sky, Receiver fro
         }
     } else if (light <= lights.sun_count) {
         s = sun_sample(Suns(lights.suns).at[light - 1u], u);
-    } else {
-        uint lamp = light - 1u - lights.sun_count;
-        if (NEEDS_LAMPS == 0u || lamp >= lights.lamp_count) {
-            return result;
-        }
-        LampSample l = lamp_sample(Lamps(lights.lamps).at[lamp], from, u);
+    } else if (NEEDS_LAMPS != 0u && light <= lights.sun_count + lights.lamp_count) {
+        LampSample l = lamp_sample(Lamps(lights.lamps).at[light - 1u - lights.sun_count], from, u);
         if (!l.found) {
             return result;
         }
         result.distance_to = f64_mul(f64_from_f32(l.distance_to), f64_from_f32(TOUCHING));
         s = SunSample(dvec3_of(f64_from_f32(l.direction.x), f64_from_f32(l.direction.y), f64_from_f32(l.direction.z)),
             l.radiance, l.pdf);
+    } else if (NEEDS_EMITTERS != 0u) {
+        EmitterSample e = emitters_sample(scene, from, within, further, u);
+        if (!e.found) {
+            return result;
+        }
+        result.distance_to = e.distance_to;
+        result.instance = e.instance;
+        s = SunSample(e.direction, e.radiance, e.pdf);
+    } else {
+        return result;
     }
-    result.pdf = s.pdf * probability;
-    float over = s.pdf > 0.0 ? result.pdf : probability;
+    result.pdf = s.pdf * chance;
+    float over = s.pdf > 0.0 ? result.pdf : chance;
     result.found = over > 0.0;
     result.direction = s.direction;
     result.radiance_over_pdf = s.radiance / over;
     return result;
-}
-
-// Samples a light and a direction towards it; the numbers `further` are for emissive surfaces.
-LightSample sample_light(SceneRef scene, Lights lights, Environment sky, Receiver from, float choice, vec2 u, vec2 further) {
-    if (NEEDS_EMITTERS != 0u && choice < lights.emitters_probability) {
-        EmitterSample s = emitters_sample(scene, from, choice / lights.emitters_probability, further, u);
-        LightSample result;
-        result.found = s.found;
-        result.direction = s.direction;
-        result.pdf = s.pdf * lights.emitters_probability;
-        result.radiance_over_pdf = s.radiance / result.pdf;
-        result.distance_to = s.distance_to;
-        result.instance = s.instance;
-        return result;
-    }
-    if (NEEDS_EMITTERS != 0u && lights.emitters_probability > 0.0) {
-        choice = (choice - lights.emitters_probability) / (1.0 - lights.emitters_probability);
-    }
-    return sample_infinite_or_lamp(lights, sky, from, choice, u);
 }
 
 // MIS weight of a light sample, where scattering would have found the direction with density `other`.
@@ -119,28 +163,29 @@ float bsdf_mis_weight(Lights lights, float pdf, float light) {
 }
 
 // MIS weight of the emission of a surface that a ray met, which was scattered at `from` with density pdf and has gone `far`.
-float emission_weight(SceneRef scene, Lights lights, Receiver from, Hit hit, f64 far, float pdf) {
+float emission_weight(SceneRef scene, Lights lights, Receiver from, LightOdds odds, Hit hit, f64 far, float pdf) {
     if (is_seen_from_within(hit) || f64_eq(hit.t, F64_ZERO)) {
         return 1.0;
     }
-    float aimed = emitters_pdf(scene, from, hit.surface, far) * lights.emitters_probability;
+    float aimed = emitters_pdf(scene, from, hit.surface, far) *
+        light_probability(scene, lights, light_count(lights) - 1u, from, odds);
     return bsdf_mis_weight(lights, pdf, aimed);
 }
 
-// Light at infinity that a scattered ray (unit direction, drawn with density pdf) finds.
-vec3 infinite_emission(Lights lights, Environment sky, DVec3 direction, float pdf) {
+// Light at infinity that a ray (unit direction) finds which was scattered at `from` with density pdf.
+vec3 infinite_emission(SceneRef scene, Lights lights, Environment sky, Receiver from, LightOdds odds, DVec3 direction, float pdf) {
     vec3 light;
     if (sky.width == 0u) {
         light = vec3_of(lights.sky);
     } else {
         vec3 d = dvec3_to_vec3(direction);
-        float sky_pdf = environment_pdf(sky, d) * light_probability(lights, 0u);
+        float sky_pdf = environment_pdf(sky, d) * light_probability(scene, lights, 0u, from, odds);
         light = environment_eval(sky, d) * bsdf_mis_weight(lights, pdf, sky_pdf);
     }
     for (uint i = 0u; i < lights.sun_count; i++) {
         Sun sun = Suns(lights.suns).at[i];
         if (sun.cone_pdf > 0.0 && sun_eval(sun, direction)) {
-            float sun_pdf = sun.cone_pdf * light_probability(lights, i + 1u);
+            float sun_pdf = sun.cone_pdf * light_probability(scene, lights, i + 1u, from, odds);
             light += vec3_of(sun.radiance) * bsdf_mis_weight(lights, pdf, sun_pdf);
         }
     }
@@ -149,7 +194,7 @@ vec3 infinite_emission(Lights lights, Environment sky, DVec3 direction, float pd
 
 // Light of all lamps that a ray (unit direction) passes through before it has gone `limit`: a ray that was scattered at `from` with density
 // `pdf`, or a camera ray, which has no density.
-vec3 lamp_emission(Lights lights, Receiver from, DVec3 direction, f64 limit, float pdf, bool of_camera) {
+vec3 lamp_emission(SceneRef scene, Lights lights, Receiver from, LightOdds odds, DVec3 direction, f64 limit, float pdf, bool of_camera) {
     vec3 d = dvec3_to_vec3(direction);
     vec3 light = vec3(0.0);
     for (uint i = 0u; i < lights.lamp_count; i++) {
@@ -159,8 +204,11 @@ vec3 lamp_emission(Lights lights, Receiver from, DVec3 direction, f64 limit, flo
         }
         LampSample met = lamp_meet(lamp, from, d);
         if (met.found && f64_lt(f64_mul(f64_from_f32(met.distance_to), f64_from_f32(TOUCHING)), limit)) {
-            float probability = light_probability(lights, 1u + lights.sun_count + i);
-            light += met.radiance * (of_camera ? 1.0 : bsdf_mis_weight(lights, pdf, met.pdf * probability));
+            if (!of_camera) {
+                float probability = light_probability(scene, lights, 1u + lights.sun_count + i, from, odds);
+                met.radiance *= bsdf_mis_weight(lights, pdf, met.pdf * probability);
+            }
+            light += met.radiance;
         }
     }
     return light;

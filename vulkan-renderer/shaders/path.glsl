@@ -85,6 +85,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
     float onward_pdf = 0.0;
     // Where the straight part of the path began, and how far it has come through transparent surfaces, in world units.
     Receiver receiver = Receiver(ray.origin, vec3(0.0, 0.0, 1.0), true);
+    LightOdds odds = LightOdds(0.0, 0.0);
     f64 gone = F64_ZERO;
     while (true) {
         bool any = (flight == FLIGHT_SHADOW && NEEDS_TRANSPARENT == 0u) || flight == FLIGHT_AMBIENT;
@@ -128,9 +129,9 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             f64 limit = is_hit(hit) ? hit.t : t_max;
             DVec3 d = dvec3_normalize(ray.direction);
             limit = f64_add(gone, f64_mul(limit, dvec3_length(ray.direction)));
-            vec3 light = lamp_emission(lights, receiver, d, limit, onward_pdf, flight == FLIGHT_CAMERA);
+            vec3 light = lamp_emission(scene, lights, receiver, odds, d, limit, onward_pdf, flight == FLIGHT_CAMERA);
             if (NEEDS_TRANSPARENT != 0u && f64_lt(F64_ZERO, gone)) {
-                light -= lamp_emission(lights, receiver, d, gone, onward_pdf, flight == FLIGHT_CAMERA);
+                light -= lamp_emission(scene, lights, receiver, odds, d, gone, onward_pdf, flight == FLIGHT_CAMERA);
             }
             film_sample_add_emission(film_sample, throughput * light, vertex);
         }
@@ -138,7 +139,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             if (flight == FLIGHT_CAMERA) {
                 film_sample_add_background(film_sample, lights_background(lights, sky, ray.direction, down), 0u);
             } else {
-                vec3 light = infinite_emission(lights, sky, dvec3_normalize(ray.direction), onward_pdf);
+                vec3 light = infinite_emission(scene, lights, sky, receiver, odds, dvec3_normalize(ray.direction), onward_pdf);
                 film_sample_add_background(film_sample, throughput * light, vertex);
             }
             return;
@@ -205,9 +206,9 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         vec3 own = is_smooth ? frame_local(frame, normal) : vec3(0.0, 0.0, 1.0);
         float cosine = max(is_smooth ? dot(wi, own) : wi.z, LEAST_VIEW);
         vec3 emission = emitted(scene.it.tables, material, cosine);
-        if (NEEDS_EMITTERS != 0u && flight == FLIGHT_SCATTERED && lights.emitters_probability > 0.0 && emission != vec3(0.0)) {
+        if (NEEDS_EMITTERS != 0u && flight == FLIGHT_SCATTERED && lights.emitters_irradiance > 0.0 && emission != vec3(0.0)) {
             f64 far = f64_add(gone, f64_mul(hit.t, dvec3_length(ray.direction)));
-            emission *= emission_weight(scene, lights, receiver, hit, far, onward_pdf);
+            emission *= emission_weight(scene, lights, receiver, odds, hit, far, onward_pdf);
         }
         film_sample_add_emission(film_sample, throughput * emission, vertex);
         t_max = F64_INFINITY;
@@ -240,12 +241,15 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         if (sample_lights) {
             vec2 choice = sampler_bounce(points, number, PAIR_CHOICE);
             lobe = choice.y;
+            odds = light_odds(scene, lights, receiver);
+            float chance, within;
+            uint chosen = choose_light(scene, lights, receiver, odds, choice.x, chance, within);
             vec2 further = vec2(0.0);
-            if (NEEDS_EMITTERS != 0u && choice.x < lights.emitters_probability) {
+            if (NEEDS_EMITTERS != 0u && chosen + 1u == light_count(lights)) {
                 further = sampler_bounce(points, number | FURTHER, PAIR_CHOICE);
             }
-            LightSample light =
-                sample_light(scene, lights, sky, receiver, choice.x, sampler_bounce(points, number, PAIR_LIGHT), further);
+            vec2 towards = sampler_bounce(points, number, PAIR_LIGHT);
+            LightSample light = sample_light(scene, lights, sky, receiver, chosen, chance, within, towards, further);
             if (NEEDS_CATCHER != 0u && film_sample.sink == SINK_ALONE && light.found && light.instance != NONE) {
                 light.found = material_table_catches(instance_at(scene, light.instance));
             }

@@ -163,8 +163,12 @@ void probe_emitters(uint row) {
     Hit hit = no_hit();
     hit.surface = surface;
     hit.t = F64_ONE;
-    put_float(emission_weight(scene, scene.it.lights, from, hit, far, choice));
-    LightSample light = sample_light(scene, scene.it.lights, scene.it.environment, from, choice, u, further);
+    LightOdds odds = light_odds(scene, scene.it.lights, from);
+    put_float(emission_weight(scene, scene.it.lights, from, odds, hit, far, choice));
+    float chance, within;
+    uint chosen = choose_light(scene, scene.it.lights, from, odds, choice, chance, within);
+    LightSample light =
+        sample_light(scene, scene.it.lights, scene.it.environment, from, chosen, chance, within, u, further);
     put_float(light.found ? light.pdf : 0.0);
 }
 
@@ -179,14 +183,17 @@ void probe_lights(uint row) {
     float pdf = take_float(), down = take_float();
     Receiver from = take_receiver();
     f64 limit = take_f64();
-    LightSample s = sample_infinite_or_lamp(lights, sky, from, choice, u);
+    LightOdds odds = light_odds(scene, lights, from);
+    float chance, within;
+    uint chosen = choose_light(scene, lights, from, odds, choice, chance, within);
+    LightSample s = sample_light(scene, lights, sky, from, chosen, chance, within, u, vec2(0.0));
     put(s.found ? 1u : 0u);
     put_dvec3(s.direction);
     put_vec3(s.radiance_over_pdf);
     put_float(s.pdf);
     put_f64(s.distance_to);
-    put_vec3(lamp_emission(lights, from, direction, limit, pdf, false));
-    put_vec3(infinite_emission(lights, sky, direction, pdf));
+    put_vec3(lamp_emission(scene, lights, from, odds, direction, limit, pdf, false));
+    put_vec3(infinite_emission(scene, lights, sky, from, odds, direction, pdf));
     put_vec3(lights_background(lights, sky, direction, down));
 }
 

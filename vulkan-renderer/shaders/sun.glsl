@@ -6,6 +6,7 @@
 #include "layout.glsl"
 #include "dvec3.glsl"
 #include "trigonometry.glsl"
+#include "receiver.glsl"
 
 // Two unit vectors that form a right-handed frame with a unit normal.
 void frame_around(DVec3 n, out DVec3 tangent, out DVec3 bitangent) {
@@ -45,6 +46,13 @@ SunSample sun_sample(Sun sun, vec2 u) {
     DVec3 middle = dvec3_scale(result.direction, f64_sub(F64_ONE, w));
     result.direction = dvec3_add(dvec3_add(across, along), middle);
     return result;
+}
+
+// About the largest irradiance of a receiver, for choosing among lights.
+float sun_irradiance_at(Sun sun, Receiver from) {
+    float cosine = dot(dvec3_to_vec3(dvec3_from_bits(sun.towards)), from.normal);
+    cosine = from.both_sides ? abs(cosine) : cosine;
+    return sun.irradiance * clamp(cosine + sun.sin_half_angle + HORIZON, 0.0, 1.0);
 }
 
 // Whether a unit direction is within the sun's cone; its radiance and density are the sun's then.

@@ -113,14 +113,14 @@ pub struct Settings {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Lights {
-    /// Selection cdf of the lights, floats: the sky, then each sun and lamp, as [`pumice_transport::Lights::cdf`].
-    pub cdf: Address,
     /// [`Sun`]s.
     pub suns: Address,
-    /// Number of entries of `cdf`; 0 where no light is sampled.
-    pub light_count: u32,
+    /// [`Lamp`]s.
+    pub lamps: Address,
     /// Number of suns.
     pub sun_count: u32,
+    /// Number of lamps.
+    pub lamp_count: u32,
     /// 0 MIS of both, 1 light sampling alone, 2 BSDF sampling alone.
     pub strategy: u32,
     /// Radiance of a constant sky.
@@ -129,14 +129,12 @@ pub struct Lights {
     pub has_backdrop: u32,
     /// Colours of the backdrop: bottom, top.
     pub backdrop: [[f32; 3]; 2],
-    /// Number of lamps.
-    pub lamp_count: u32,
-    /// [`Lamp`]s.
-    pub lamps: Address,
-    /// Probability that light sampling chooses an emissive surface; 0 where there is none.
-    pub emitters_probability: f32,
-    /// 0.
-    pub reserved: u32,
+    /// Irradiance that the sky can give where it is sampled, else 0.
+    pub sky_irradiance: f32,
+    /// Irradiance around all emissive surfaces; 0 where there are none.
+    pub emitters_irradiance: f32,
+    /// 1 where some light is sampled.
+    pub is_sampled: u32,
 }
 
 /// Twin of `ReadyLamp`.
@@ -157,7 +155,7 @@ pub struct Lamp {
     pub spread_factor: f32,
     pub soft: u32,
     pub visible_to_camera: u32,
-    pub reserved: u32,
+    pub intensity: f32,
 }
 
 /// Twin of `ReadySun`.
@@ -172,6 +170,8 @@ pub struct Sun {
     pub radiance: [f32; 3],
     /// Density within the cone; 0 for a single direction.
     pub cone_pdf: f32,
+    pub irradiance: f32,
+    pub sin_half_angle: f32,
 }
 
 /// Twin of `EnvironmentTable`; width 0 where the sky is constant.
@@ -180,12 +180,12 @@ pub struct Sun {
 pub struct Environment {
     /// Three floats a pixel.
     pub pixels: Address,
-    /// Probability density, one float a pixel.
-    pub density: Address,
-    /// Cdf of rows: height + 1 doubles.
+    /// Cdf of rows of cells: height + 2 doubles.
     pub row_cdf: Address,
-    /// Cdf within each row: width + 1 floats a row.
+    /// Cdf within each row of cells: width + 1 floats a row.
     pub column_cdf: Address,
+    /// Density of a row of cells where excess and sine are 1: height + 1 floats.
+    pub row_density: Address,
     /// Rotation about +z, counter-clockwise.
     pub rotation_rad: f64,
     /// Pixels across.
@@ -194,8 +194,8 @@ pub struct Environment {
     pub height: u32,
     /// Factor on the radiance of the pixels.
     pub strength: f32,
-    /// 0.
-    pub reserved: u32,
+    /// Brightness of pixels above which they are sampled, without `strength`.
+    pub floor: f32,
 }
 
 /// Twin of `pumice_transport::emitters::LightNode`.
@@ -268,6 +268,8 @@ pub struct Emitters {
     pub middle: [f64; 3],
     /// Factor from world units to units of the tree.
     pub scale: f64,
+    /// Radius of the ball around all emitters, in the world.
+    pub radius: f64,
     /// Number of emitters.
     pub count: u32,
     /// Entries of `emissive_instance_of`.

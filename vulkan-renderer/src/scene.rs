@@ -376,14 +376,13 @@ impl InstanceOnDevice {
 /// Lights and sky.
 #[derive(Debug)]
 pub(crate) struct SkyOnDevice {
-    pub(crate) lights: Lights,
     lights_record: layout::Lights,
     environment: layout::Environment,
     buffers: Vec<Buffer>,
 }
 
 impl SkyOnDevice {
-    pub(crate) fn new(gpu: &Gpu, lights: Lights) -> Result<Self, DeviceError> {
+    pub(crate) fn new(gpu: &Gpu, lights: &Lights) -> Result<Self, DeviceError> {
         let mut buffers = Vec::new();
         let mut put = |what, bytes: &[u8]| -> Result<u64, DeviceError> {
             let buffer = gpu.buffer_of(what, bytes)?;
@@ -391,21 +390,20 @@ impl SkyOnDevice {
             buffers.push(buffer);
             Ok(address)
         };
-        let ends = put("chances of lights", bytemuck::cast_slice(lights.cdf()))?;
-        let suns = put("suns", bytemuck::cast_slice(&pack::suns(&lights)))?;
-        let lamps = put("lamps", bytemuck::cast_slice(&pack::lamps(&lights)))?;
-        let lights_record = pack::lights(&lights, [ends, suns, lamps]);
+        let suns = put("suns", bytemuck::cast_slice(&pack::suns(lights)))?;
+        let lamps = put("lamps", bytemuck::cast_slice(&pack::lamps(lights)))?;
+        let lights_record = pack::lights(lights, [suns, lamps]);
         let mut environment = layout::Environment::default();
-        if let Some(sky) = PackedSky::new(&lights) {
-            let [pixels, density, rows, columns] = sky.parts();
+        if let Some(sky) = PackedSky::new(lights) {
+            let [pixels, rows, columns, densities] = sky.parts();
             environment = sky.record([
                 put("the sky's picture", pixels)?,
-                put("the sky's density", density)?,
                 put("the sky's rows", rows)?,
                 put("the sky's columns", columns)?,
+                put("the sky's densities", densities)?,
             ]);
         }
-        Ok(Self { lights, lights_record, environment, buffers })
+        Ok(Self { lights_record, environment, buffers })
     }
 }
 
@@ -528,9 +526,9 @@ impl SceneOnDevice {
             filter: filter.record,
             settings,
             lights: layout::Lights {
-                emitters_probability: emitters
-                    .as_ref()
-                    .map_or(0.0, |e| sky.lights.probability_of_emitters(e.irradiance)),
+                emitters_irradiance: emitters.as_ref().map_or(0.0, |e| e.irradiance),
+                is_sampled: sky.lights_record.is_sampled
+                    | u32::from(emitters.as_ref().is_some_and(|e| e.irradiance > 0.0)),
                 ..sky.lights_record
             },
             environment: sky.environment,

@@ -301,7 +301,7 @@ impl<'a> Making<'a> {
             _ => {
                 self.counters.rebuilt.lights += 1;
                 self.counters.sent.lights += 1;
-                Arc::new(SkyOnDevice::new(gpu, scene_lights(scene, read_image)?)?)
+                Arc::new(SkyOnDevice::new(gpu, &scene_lights(scene, read_image)?)?)
             }
         };
         let filter = match self.old {

@@ -141,21 +141,32 @@ fn twins() -> Vec<Layout> {
         twin!(
             "Lights",
             Lights {
-                cdf,
                 suns,
-                light_count,
+                lamps,
                 sun_count,
+                lamp_count,
                 strategy,
                 sky,
                 has_backdrop,
                 backdrop,
-                lamp_count,
-                lamps,
-                emitters_probability,
-                reserved,
+                sky_irradiance,
+                emitters_irradiance,
+                is_sampled,
             }
         ),
-        twin!("Sun", Sun { towards, tangent, bitangent, one_minus_cos_half_angle, radiance, cone_pdf }),
+        twin!(
+            "Sun",
+            Sun {
+                towards,
+                tangent,
+                bitangent,
+                one_minus_cos_half_angle,
+                radiance,
+                cone_pdf,
+                irradiance,
+                sin_half_angle
+            }
+        ),
         twin!(
             "Lamp",
             Lamp {
@@ -171,21 +182,21 @@ fn twins() -> Vec<Layout> {
                 spread_factor,
                 soft,
                 visible_to_camera,
-                reserved,
+                intensity,
             }
         ),
         twin!(
             "Environment",
             Environment {
                 pixels,
-                density,
                 row_cdf,
                 column_cdf,
+                row_density,
                 rotation_rad,
                 width,
                 height,
                 strength,
-                reserved,
+                floor,
             }
         ),
         twin!("LightNode", LightNode { lo, hi, power }),
@@ -207,6 +218,7 @@ fn twins() -> Vec<Layout> {
                 emissive_instance_of,
                 middle,
                 scale,
+                radius,
                 count,
                 emissive_instance_of_count,
             }

@@ -52,6 +52,6 @@ fn samples_are_the_cpus() {
         println!("{}: {rays:.2} rays a sample; {verdict}", case.name);
         assert_eq!(verdict.fault(), None, "{}", case.name);
         // A test in which rays meet nothing would prove nothing, nor would one whose bound accepts everything.
-        assert!(rays > 0.3 && verdict.most_parted < 0.05 * asked.len() as f64, "{}", case.name);
+        assert!(rays > 0.3 && verdict.most_parted < 0.06 * asked.len() as f64, "{}", case.name);
     }
 }

@@ -75,11 +75,16 @@ pub fn radiance(
         let from = PathOrigin::Face(hit.surface);
         let receiver = Receiver { point: origin, normal: normal.as_vec3(), both_sides: false };
 
+        let odds = lights.odds(&receiver);
         let [which, mut lobe] = sampler.bounce(vertex, BouncePair::Choice);
         if lights.samples_lights() {
-            if let Some(light) =
-                lights.sample_infinite_or_lamp(&receiver, which, sampler.bounce(vertex, BouncePair::Light))
-                && light.direction.dot(normal) > 0.0
+            if let Some(light) = lights.sample_light(
+                &receiver,
+                &odds,
+                which,
+                sampler.bounce(vertex, BouncePair::Light),
+                || [0.5; 2],
+            ) && light.direction.dot(normal) > 0.0
             {
                 let (f_cos, pdf) = bsdf.eval(local(light.direction));
                 let weight = lights.light_mis_weight(light.pdf, pdf * told_in_weights) * aimed;
@@ -129,7 +134,10 @@ pub fn radiance(
         match tracer.first_hit(&ray, from, f64::INFINITY) {
             Some(next) => hit = next,
             None => {
-                return total + throughput * lights.infinite_emission(direction.normalize(), pdf) * scattered;
+                return total
+                    + throughput
+                        * lights.infinite_emission(&receiver, &odds, direction.normalize(), pdf)
+                        * scattered;
             }
         }
         vertex += 1;

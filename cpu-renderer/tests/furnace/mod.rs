@@ -154,10 +154,10 @@ pub fn even_sky(radiance: f32) -> Sky {
     Sky::Constant(Vec3::splat(radiance))
 }
 
-/// The same light as a picture: light sampling uses it, and both strategies are weighted.
+/// The same light as a picture of which all is sampled: light sampling uses it, and both strategies are weighted.
 pub fn painted_sky(radiance: f32) -> Sky {
     let image = Image::new(16, 8, vec![[radiance; 3]; 128]);
-    Sky::Image(std::sync::Arc::new(EnvironmentTable::new(image, 1.0, 0.7).expect("valid")))
+    Sky::Image(std::sync::Arc::new(EnvironmentTable::above(0.0, image, 1.0, 0.7).expect("valid")))
 }
 
 pub fn camera(from: DVec3, to: DVec3, fov_rad: f64) -> Camera {

@@ -100,6 +100,8 @@ pub struct Emitters {
     by_key: Vec<u32>,
     tree: LightTree,
     irradiance: f32,
+    /// Radius of the ball around all emitters, in the world.
+    radius: f64,
 }
 
 /// Light from an emitter along one direction.
@@ -219,6 +221,7 @@ impl Emitters {
             by_key,
             tree,
             irradiance,
+            radius: (0.5 * (hi - lo).length()).max(f64::MIN_POSITIVE),
         }
     }
 
@@ -261,6 +264,19 @@ impl Emitters {
     /// Approximate irradiance of the emitters around them, for choosing among lights.
     pub fn irradiance(&self) -> f32 {
         self.irradiance
+    }
+
+    /// Radius of the ball around all emitters, in the world.
+    pub fn radius(&self) -> f64 {
+        self.radius
+    }
+
+    /// About the irradiance of a receiver, for choosing among lights: that of the ball around them, falling with the squared distance beyond.
+    /// Never 0.
+    #[inline]
+    pub fn irradiance_at(&self, from: &Receiver) -> f32 {
+        let squared = ((from.point - self.tree.middle) / self.radius).as_vec3().length_squared().max(1.0);
+        (self.irradiance / squared).max(f32::MIN_POSITIVE)
     }
 
     /// Size on the heap in bytes.

@@ -38,6 +38,15 @@ const LEAST_SPREAD: f64 = 1e-4;
 /// not denormal.
 const WIDEST_TAN: f32 = 1e18;
 
+/// Added to cosines by which lights are chosen, so that rounding hides no light that touches the horizon.
+pub(crate) const HORIZON: f32 = 1e-6;
+
+/// Least squared distance to a lamp by which it is chosen.
+const LEAST_SQUARED_TO_LAMP: f32 = 1e-30;
+
+/// Least cosine at a flat lamp by which it is chosen: its edge may be nearer than its middle.
+const LEAST_LAMP_COSINE: f32 = 1e-3;
+
 /// The shape of a lamp.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
@@ -79,6 +88,8 @@ pub struct ReadyLamp {
     pub soft: bool,
     /// Whether camera rays see it.
     pub visible_to_camera: bool,
+    /// Intensity along its axis, for choosing among lights: luminance of W/sr; of a beam, of its irradiance.
+    pub intensity: f32,
 }
 
 /// The point at which light arrives.
@@ -124,6 +135,7 @@ impl ReadyLamp {
             spread_factor: 0.0,
             soft: false,
             visible_to_camera: light.visible_to_camera,
+            intensity: 0.0,
         };
         match light.shape {
             LightShape::Point { position, radius, soft_falloff }
@@ -172,6 +184,7 @@ impl ReadyLamp {
             lamp.one_minus_cos_half_angle = one_minus_cos as f32;
             lamp.inverse_blend = (1.0 / (one_minus_cos * f64::from(blend))).min(1e30) as f32;
         }
+        lamp.intensity = lamp.intensity_of();
         lamp
     }
 
@@ -181,26 +194,42 @@ impl ReadyLamp {
             && (self.kind != LampKind::Spot || self.one_minus_cos_half_angle > 0.0)
     }
 
-    /// Emitted power, all colours together, for choosing among lamps.
-    pub fn power(&self) -> f32 {
-        if !self.is_lit() {
-            return 0.0;
-        }
-        let pi = std::f32::consts::PI;
+    /// Intensity in the middle of the beam, all colours together; of a beam, its irradiance.
+    fn intensity_of(&self) -> f32 {
         let l = self.radiance.dot(Vec3::new(0.2126, 0.7152, 0.0722));
+        let pi = std::f32::consts::PI;
         let [u, v] = self.half;
         match self.kind {
-            LampKind::Ball if u == 0.0 => 4.0 * pi * l,
-            LampKind::Ball => 4.0 * pi * pi * u * u * l,
-            LampKind::Spot => {
-                let intensity = if u == 0.0 { l } else { pi * u * u * l };
-                2.0 * pi * self.one_minus_cos_half_angle * intensity
-            }
-            LampKind::Rectangle if self.tan_half_spread == 0.0 => 4.0 * u * v * l,
-            LampKind::Ellipse if self.tan_half_spread == 0.0 => pi * u * v * l,
-            LampKind::Rectangle => 4.0 * pi * u * v * l,
-            LampKind::Ellipse => pi * pi * u * v * l,
+            LampKind::Rectangle | LampKind::Ellipse if self.tan_half_spread == 0.0 => l,
+            LampKind::Rectangle => 4.0 * u * v * l,
+            LampKind::Ellipse => pi * u * v * l,
+            LampKind::Ball | LampKind::Spot => l * if u == 0.0 { 1.0 } else { pi * u * u },
         }
+    }
+
+    /// About the irradiance that a receiver can have from the lamp, for choosing among lights; 0 only where it has none. Its cosine is the
+    /// largest of any point of the ball around the lamp.
+    #[inline]
+    pub fn irradiance_at(&self, from: &Receiver) -> f32 {
+        let way = (self.position - from.point).as_vec3();
+        let height = -way.dot(self.axis);
+        let is_flat = self.kind as u32 >= LampKind::Rectangle as u32;
+        if is_flat && height <= 0.0 {
+            return 0.0;
+        }
+        let [u, v] = self.half;
+        let radius = if is_flat { (u * u + v * v).sqrt() } else { u };
+        let squared = way.length_squared().max(radius * radius).max(LEAST_SQUARED_TO_LAMP);
+        let distance = squared.sqrt();
+        let mut cos = 1.0;
+        if !from.both_sides {
+            cos = ((way.dot(from.normal) + radius) / distance + HORIZON).clamp(0.0, 1.0);
+        }
+        let mut irradiance = self.intensity;
+        if !(is_flat && self.tan_half_spread == 0.0) {
+            irradiance *= if is_flat { (height / distance).max(LEAST_LAMP_COSINE) } else { 1.0 } / squared;
+        }
+        irradiance * cos
     }
 
     /// Samples a direction towards the lamp; `None` where the sample carries no light.

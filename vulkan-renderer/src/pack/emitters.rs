@@ -63,6 +63,7 @@ impl PackedEmitters {
             record: layout::Emitters {
                 middle: tree.middle.to_array(),
                 scale: tree.scale,
+                radius: of.radius(),
                 count: tree.len(),
                 emissive_instance_of_count: of.emissive_instance_of().len() as u32,
                 ..layout::Emitters::default()

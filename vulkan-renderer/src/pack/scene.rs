@@ -58,6 +58,8 @@ pub fn suns(lights: &Lights) -> Vec<layout::Sun> {
         one_minus_cos_half_angle: s.one_minus_cos_half_angle,
         radiance: s.radiance.to_array(),
         cone_pdf: if s.is_delta() { 0.0 } else { s.cone_pdf() },
+        irradiance: s.irradiance(),
+        sin_half_angle: s.sin_half_angle(),
     };
     lights.suns().iter().map(sun).collect()
 }
@@ -77,17 +79,17 @@ pub fn lamps(lights: &Lights) -> Vec<layout::Lamp> {
         spread_factor: l.spread_factor,
         soft: u32::from(l.soft),
         visible_to_camera: u32::from(l.visible_to_camera),
-        reserved: 0,
+        intensity: l.intensity,
     };
     lights.lamps().iter().map(lamp).collect()
 }
 
-/// The lights' record, with [`Lights::cdf`], [`suns`] and [`lamps`] at these addresses.
-pub fn lights(lights: &Lights, [ends, suns, lamps]: [u64; 3]) -> layout::Lights {
+/// The lights' record, with [`suns`] and [`lamps`] at these addresses.
+pub fn lights(lights: &Lights, [suns, lamps]: [u64; 2]) -> layout::Lights {
     layout::Lights {
-        cdf: ends,
         suns,
-        light_count: lights.cdf().len() as u32,
+        lamps,
+        lamp_count: lights.lamps().len() as u32,
         sun_count: lights.suns().len() as u32,
         strategy: match lights.strategy() {
             LightStrategy::Mis => 0,
@@ -100,10 +102,9 @@ pub fn lights(lights: &Lights, [ends, suns, lamps]: [u64; 3]) -> layout::Lights 
         },
         has_backdrop: u32::from(lights.backdrop().is_some()),
         backdrop: lights.backdrop().map_or([[0.0; 3]; 2], |b| b.map(|c| c.to_array())),
-        lamp_count: lights.lamps().len() as u32,
-        lamps,
-        emitters_probability: lights.emitters_probability(),
-        reserved: 0,
+        sky_irradiance: lights.sky_irradiance(),
+        emitters_irradiance: lights.emitters().map_or(0.0, |e| e.irradiance()),
+        is_sampled: u32::from(lights.has_sampled_light()),
     }
 }
 
@@ -122,29 +123,29 @@ impl<'a> PackedSky<'a> {
         }
     }
 
-    /// Pixels, density, cdf of rows, cdfs of columns.
+    /// Pixels, cdf of rows, cdfs of columns, densities of rows.
     pub fn parts(&self) -> [&'a [u8]; 4] {
         let t = self.table;
         [
             bytemuck::cast_slice(&t.image.pixels),
-            bytemuck::cast_slice(&t.density),
             bytemuck::cast_slice(&t.row_cdf),
             bytemuck::cast_slice(&t.column_cdf),
+            bytemuck::cast_slice(&t.row_density),
         ]
     }
 
     /// The record, with its parts at these addresses.
-    pub fn record(&self, [pixels, density, row_cdf, column_cdf]: [u64; 4]) -> layout::Environment {
+    pub fn record(&self, [pixels, row_cdf, column_cdf, row_density]: [u64; 4]) -> layout::Environment {
         layout::Environment {
             pixels,
-            density,
             row_cdf,
             column_cdf,
+            row_density,
             rotation_rad: self.table.rotation_rad,
             width: self.table.image.width as u32,
             height: self.table.image.height as u32,
             strength: self.table.strength,
-            reserved: 0,
+            floor: self.table.floor,
         }
     }
 }

@@ -42,7 +42,6 @@ impl OnDevice {
             record.body = case.contacts.as_ref().and_then(|c| c.body(number)).unwrap_or(number);
         }
         let lights = &case.around.lights;
-        let ends = if lights.cdf().is_empty() { 0 } else { uploaded.put(gpu, lights.cdf()) };
         let suns = pack::suns(lights);
         let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
         let lamps = pack::lamps(lights);
@@ -64,7 +63,7 @@ impl OnDevice {
         let tables = uploaded.put(gpu, &TABLES);
         let rays = CameraRays::new(&case.camera, &case.film);
         let settings = pack::settings(&case.around.settings, case.kept());
-        let lights = pack::lights(lights, [ends, suns, lamps]);
+        let lights = pack::lights(lights, [suns, lamps]);
         let header = layout::SceneHeader {
             tables,
             camera: pack::camera(&rays),

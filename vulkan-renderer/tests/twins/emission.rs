@@ -122,10 +122,10 @@ fn emitters_are_the_same() {
     }
     let packed = PackedEmitters::new(&emitters);
     let parts = packed.parts().map(|(_, part)| uploaded.put(&gpu, part));
-    let (ends, suns) = (uploaded.put(&gpu, lights.cdf()), uploaded.put(&gpu, &pack::suns(&lights)));
+    let suns = uploaded.put(&gpu, &pack::suns(&lights));
     let header = SceneHeader {
         tables: uploaded.put(&gpu, &TABLES),
-        lights: pack::lights(&lights, [ends, suns, 0]),
+        lights: pack::lights(&lights, [suns, 0]),
         emitters: packed.record(parts),
         ..SceneHeader::default()
     };
@@ -207,8 +207,10 @@ fn emitters_are_the_same() {
         let Some(hit) = hit.filter(|h| !h.is_seen_from_within()) else { continue };
         met += usize::from(expected > 0.0);
         close(got, expected, 2e-4, "density of what is met");
-        close(r.float(), lights.emission_weight(&tracer, from, &hit, hit.t, choice), 1e-3, "weight");
-        let aimed = lights.sample_light(from, choice, [c, d], || [a, b]).and_then(|s| s.pdf).unwrap_or(0.0);
+        let odds = lights.odds(from);
+        close(r.float(), lights.emission_weight(&tracer, from, &odds, &hit, hit.t, choice), 1e-3, "weight");
+        let aimed =
+            lights.sample_light(from, &odds, choice, [c, d], || [a, b]).and_then(|s| s.pdf).unwrap_or(0.0);
         let got = r.float();
         parted += usize::from((got - aimed).abs() > 1e-3 * aimed);
     }

@@ -152,7 +152,6 @@ fn sun(angle_rad: f64) -> ReadySun {
 
 fn lights_scene(gpu: &Gpu, lights: &Lights) -> (Uploaded, u64) {
     let mut uploaded = Uploaded::new(gpu, &[], Form::Bricks);
-    let ends = uploaded.put(gpu, if lights.cdf().is_empty() { &[0.0] } else { lights.cdf() });
     let suns = pack::suns(lights);
     let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
     let lamps = pack::lamps(lights);
@@ -162,7 +161,7 @@ fn lights_scene(gpu: &Gpu, lights: &Lights) -> (Uploaded, u64) {
         sky.record(parts)
     });
     let header = SceneHeader {
-        lights: pack::lights(lights, [ends, suns, lamps]),
+        lights: pack::lights(lights, [suns, lamps]),
         environment: environment.unwrap_or_default(),
         ..Default::default()
     };
@@ -219,7 +218,7 @@ fn picture(width: usize, height: usize) -> Image {
 }
 
 /// Positions are floats. Relative to a turn, azimuth and height are off by at most 2⁻²⁰ (an arctangent's error and two roundings), and
-/// radiance by its slope times that. A density is constant within a pixel, so it is equal except within that distance of a pixel's border.
+/// radiance and density by their slopes times that.
 #[test]
 fn environments_are_the_same() {
     let gpu = Gpu::new();
@@ -236,7 +235,11 @@ fn environments_are_the_same() {
             .iter()
             .map(|&(u, d)| Row::default().float(u[0]).float(u[1]).doubles(d.to_array()).0)
             .collect();
-        let mut other_pixel = 0;
+        // The density of the whole sphere is 0.08; positions are off by 2⁻²⁰ turns, where it changes by its slope.
+        let density = |got: f32, expected: f32| {
+            assert!((got - expected).abs() < 1e-3 * expected.max(0.08), "density {got}, expected {expected}");
+        };
+        let mut sampled = 0;
         for (&(u, d), row) in inputs.iter().zip(gpu.probe(false, 7, scene, &rows, 14)) {
             let (direction, radiance, pdf) = table.sample(u);
             let mut r = Reader(&row);
@@ -246,16 +249,19 @@ fn environments_are_the_same() {
             for c in radiance.to_array() {
                 close(r.float(), c, 1e-4, "radiance of a sample");
             }
-            assert_eq!(r.float(), pdf, "{u:?}");
+            density(r.float(), pdf);
             // At the poles the azimuth is undetermined: x and y of 10⁻⁵ are floats of 17 bits there.
             for c in table.eval(d).to_array() {
                 close(r.float(), c, 1e-4, "radiance");
             }
-            other_pixel += usize::from(r.float() != table.pdf(d));
+            let (got, expected) = (r.float(), table.pdf(d));
+            // In the rows at the poles the density has no bound, and its sine is a float's.
+            if d.truncate().length() > 0.01 {
+                density(got, expected);
+            }
+            sampled += usize::from(expected > 0.0);
         }
-        // Borders are 1 pixel apart and positions off by 2⁻²⁰ turns, so this many of the directions cross one of width + height borders.
-        let expected = inputs.len() as f64 * (width + height) as f64 * 2f64.powi(-19);
-        assert!((other_pixel as f64) < 4.0 * expected + 6.0, "{other_pixel} of {} pixels", inputs.len());
+        assert!(sampled > inputs.len() / 4, "{sampled} of {} directions are above the mean", inputs.len());
     }
 }
 
@@ -303,7 +309,8 @@ fn chosen_lights_are_the_same() {
         let answers = gpu.probe(false, 8, scene, &rows, 22);
         for (&(choice, u, d, pdf, down, ref from, limit), row) in inputs.iter().zip(answers) {
             let mut r = Reader(&row);
-            let sampled = lights.sample_infinite_or_lamp(from, choice, u);
+            let odds = lights.odds(from);
+            let sampled = lights.sample_light(from, &odds, choice, u, || [0.0; 2]);
             let found = r.word() != 0;
             if found != sampled.is_some() {
                 // The rim of a lamp.
@@ -325,11 +332,11 @@ fn chosen_lights_are_the_same() {
             if let Some(s) = sampled {
                 assert!(distance == s.distance || (distance / s.distance - 1.0).abs() < 1e-3, "{distance}");
             }
-            let lamps = lights.lamp_emission(from, d, limit, pdf);
+            let lamps = lights.lamp_emission(from, &odds, d, limit, pdf);
             let got = Vec3::new(r.float(), r.float(), r.float());
             rims += usize::from((got - lamps).length() > 1e-2 * lamps.length() + 1e-5);
             // A direction within a float's error of a pixel's border may find the neighbour's density: a slope of the image.
-            for e in lights.infinite_emission(d, pdf).to_array() {
+            for e in lights.infinite_emission(from, &odds, d, pdf).to_array() {
                 close(r.float(), e, 1e-2, "found");
             }
             for e in lights.background(d, down).to_array() {
