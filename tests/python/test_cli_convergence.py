@@ -38,10 +38,13 @@ def test_each_scene_and_number_of_samples_has_its_row_and_its_plot(measured):
 
 def test_noise_falls_with_samples(measured):
     rows = rows_of(measured / "convergence_real_light.csv")
+    ratios = {}
     for few, many in zip(rows[::2], rows[1::2], strict=True):
-        # A fourth for independent samples, less for stratified ones; three seeds of 384 pixels with rare bright paths tell it to a factor of two.
-        ratio = float(many["noise"]) / float(few["noise"])
-        assert 0.02 < ratio < 0.6, (few["scene"], ratio)
+        ratios[few["scene"]] = float(many["noise"]) / float(few["noise"])
+    # A fourth for independent samples, less for stratified ones; three seeds of 384 pixels tell it to a factor of two. Where few samples
+    # find a rare bright path the ratio has no lower limit, so that is the middle scene's.
+    assert max(ratios.values()) < 0.6, ratios
+    assert 0.08 < sorted(ratios.values())[len(ratios) // 2] < 0.5, ratios
 
 
 def test_parts_name_the_kinds_of_light(measured):
