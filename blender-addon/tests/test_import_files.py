@@ -279,7 +279,7 @@ def test_the_dialog_says_what_the_header_says_and_asks_what_it_leaves_open(dialo
     assert (shown.array, shown.axes) == ("cells", "xyz") and shown.asked_for() == {"array_menu", "axes"}
     facts = shown.lines()
     assert facts[0] == "50 × 40 × 30 voxels of u32, each 1 × 1 × 1 (no unit)" and facts[1] == "NPZ, raw; 0.24 MB of voxels"
-    assert facts[2].startswith("Compressing takes about 33.6 MB")
+    assert facts[2].startswith("Compressing takes about 50.4 MB")
     assert shown.lines(warnings=True) == ["NumPy arrays have no spacing; 1 is assumed along each axis"]
     # The answers are read with the header again.
     shown.axes = "zyx"

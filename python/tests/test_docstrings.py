@@ -26,7 +26,7 @@ COMMANDS = {
     "open": (["figure", "reading"], {"mapped"}),
     "probe": (["info", "reading"], set()),
     "compress": (["compress", "reading"], {"source", "unit", "world_from_index", "names"}),
-    "figure": (["figure", "render"], {"volume", "view_deg"}),
+    "figure": (["figure", "render", "annotations"], {"volume", "view_deg"}),
     "render": (["render", "annotations"], {"scene", "volumes", "meshes", "on_progress"}),
     "export": (["export"], set()),
     "verify_render": (["verify_render"], {"maps"}),

@@ -5,8 +5,8 @@
 //!                        └─► Cycles, the same ──────────────────────────┴─► noise, ratio with its interval ─► CSV, Markdown, SVG
 //!            each scene with one kind of light, direct light … ────────────► the same, by part
 //! ```
-//! * The [scenes](scenes) are files that `pumice verify-render` takes too.
-//! * [Noise](noise) is the variance between pictures of other seeds; both programs are measured alike.
+//! * The scenes are files that `pumice verify-render` takes too.
+//! * Noise is the variance between pictures of other seeds; both programs are measured alike.
 //! * Both render on all cores. Cycles has its light tree, which is its default and its best; adaptive sampling and the denoiser are off,
 //!   because they change what a sample is and bias the picture. Its first sample goes through the middle of the pixel, so numbers of
 //!   samples begin at [`LEAST_SPP`].
