@@ -8,9 +8,12 @@ use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_core::{Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
 use pumice_cpu::traverse::{SceneTracer, TracedInstance};
 use pumice_cpu::{PathTracer, Surroundings};
-use pumice_scene::{Camera, Film, Filter, Light, LightShape, Material, Mode, Outline, Projection, Settings};
+use pumice_picture::Image;
+use pumice_scene::{
+    Camera, Film, Filter, Light, LightShape, Material, Mode, Outline, Projection, Settings, Sun,
+};
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::{LightStrategy, Lights, MaterialTable, ReadyLamp, Sky};
+use pumice_transport::{EnvironmentTable, LightStrategy, Lights, MaterialTable, ReadyLamp, ReadySun, Sky};
 
 /// A floor of 16 × 16 voxels up to z = 2, a wall at x = 8 up to z = 10.
 fn tracer() -> SceneTracer {
@@ -28,9 +31,8 @@ fn lamp(shape: LightShape) -> ReadyLamp {
 }
 
 /// Mean colour of the lit side of the floor (pixel columns left of the wall) and of the other side.
-fn halves(lamps: Vec<ReadyLamp>, finding: LightStrategy, mode: Mode, seed: u64, samples: u32) -> [Vec3; 2] {
-    let lights =
-        Lights::new(Sky::Constant(Vec3::ZERO), vec![], None).with_lamps(lamps).with_strategy(finding);
+fn halves(lights: Lights, finding: LightStrategy, mode: Mode, seed: u64, samples: u32) -> [Vec3; 2] {
+    let lights = lights.with_strategy(finding);
     let material = Material { base_color: [0.7; 3], specular: 0.3, roughness: 0.5, ..Material::default() };
     let around = Surroundings {
         lights: Arc::new(lights),
@@ -55,39 +57,56 @@ fn halves(lamps: Vec<ReadyLamp>, finding: LightStrategy, mode: Mode, seed: u64, 
     sums.map(|s| s / 60.0)
 }
 
+/// Lamps in the dark.
+fn in_the_dark(lamps: Vec<ReadyLamp>) -> Lights {
+    Lights::new(Sky::Constant(Vec3::ZERO), vec![], None).with_lamps(lamps)
+}
+
+/// A picture of the sky with a bright spot, a wide sun, a lamp of each kind, and one that hardly gives any light.
+fn together(ball: LightShape, spot: LightShape) -> Lights {
+    let mut image = Image::new(32, 16, vec![[0.5, 0.6, 0.8]; 512]);
+    image.pixels[3 * 32 + 9] = [60.0, 50.0, 40.0];
+    let sky = EnvironmentTable::new(image, 1.0, 0.3).expect("a sky");
+    let sun = Sun { direction: [0.4, 0.3, -1.0], strength: 2.0, color: [1.0; 3], angle_rad: 0.3 };
+    let far = LightShape::Point { position: [30.0, 40.0, 50.0], radius: 1.0, soft_falloff: false };
+    let lamps = [ball, spot, area(Outline::Rectangle, std::f64::consts::PI), far].map(lamp).to_vec();
+    Lights::new(Sky::Image(Arc::new(sky)), vec![ReadySun::new(&sun)], None).with_lamps(lamps)
+}
+
 fn area(outline: Outline, spread_rad: f64) -> LightShape {
     let world_from_light = DAffine3::from_translation(DVec3::new(4.0, 8.0, 14.0));
     LightShape::Area { world_from_light, outline, size: [6.0, 5.0], spread_rad }
 }
 
-/// Light sampling, BSDF sampling and both: means of 24 seeds differ by less than four standard errors of their difference, for every lamp;
-/// light that is off by 2 % does not pass.
+/// Light sampling, BSDF sampling and both: means of 24 seeds differ by less than four standard errors of their difference, for every lamp and for all
+/// kinds of light together; light that is off by 2 % does not pass.
 #[test]
 fn three_ways_to_find_light_agree() {
     let ball = |soft_falloff| LightShape::Point { position: [4.0, 8.0, 12.0], radius: 3.0, soft_falloff };
-    let shapes = [
-        ("a ball", ball(false)),
-        ("a soft ball", ball(true)),
-        ("a ball around all", LightShape::Point { position: [8.0; 3], radius: 30.0, soft_falloff: false }),
-        (
-            "a spot",
-            LightShape::Spot {
-                position: [4.0, 8.0, 12.0],
-                direction: [0.1, 0.0, -1.0],
-                radius: 3.0,
-                angle_rad: 1.2,
-                blend: 0.5,
-                soft_falloff: false,
-            },
-        ),
-        ("a rectangle", area(Outline::Rectangle, std::f64::consts::PI)),
-        ("a spread ellipse", area(Outline::Ellipse, 1.5)),
+    let spot = LightShape::Spot {
+        position: [4.0, 8.0, 12.0],
+        direction: [0.1, 0.0, -1.0],
+        radius: 3.0,
+        angle_rad: 1.2,
+        blend: 0.5,
+        soft_falloff: false,
+    };
+    let around = LightShape::Point { position: [8.0; 3], radius: 30.0, soft_falloff: false };
+    let one = |shape| in_the_dark(vec![lamp(shape)]);
+    let cases = [
+        ("a ball", one(ball(false))),
+        ("a soft ball", one(ball(true))),
+        ("a ball around all", one(around)),
+        ("a spot", one(spot)),
+        ("a rectangle", one(area(Outline::Rectangle, std::f64::consts::PI))),
+        ("a spread ellipse", one(area(Outline::Ellipse, 1.5))),
+        ("sky, sun and lamps", together(ball(false), spot)),
     ];
-    for (name, shape) in shapes {
+    for (name, lights) in cases {
         let estimate = |finding| {
             let means: Vec<f64> = (0..24)
                 .map(|seed| {
-                    let [left, right] = halves(vec![lamp(shape)], finding, Mode::Path, seed, 32);
+                    let [left, right] = halves(lights.clone(), finding, Mode::Path, seed, 32);
                     f64::from((left + right).element_sum())
                 })
                 .collect();
@@ -119,7 +138,7 @@ fn walls_hide_lamps() {
         size: [100.0, 100.0],
         spread_rad: 0.0,
     };
-    let lamps = || vec![lamp(shape)];
-    let [left, right] = halves(lamps(), LightStrategy::Mis, Mode::OneBounce, 1, 4);
+    let lights = in_the_dark(vec![lamp(shape)]);
+    let [left, right] = halves(lights, LightStrategy::Mis, Mode::OneBounce, 1, 4);
     assert!(left.min_element() > 0.0 && right == Vec3::ZERO, "{left} {right}");
 }
