@@ -5,7 +5,7 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_picture::cryptomatte::{self, Ids};
-use pumice_picture::film::REPLICATES;
+use pumice_picture::film::CLASSES;
 use pumice_picture::{Image, Picture, film_memory, name_labels, name_mattes};
 use pumice_scene::{Film, Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
@@ -315,7 +315,7 @@ impl Renderer for CpuRenderer {
 
     fn variance(&mut self) -> Result<Option<Image>, RenderError> {
         let film = self.shown()?.tracer.film();
-        Ok((film.spp() >= REPLICATES).then(|| film.variance()))
+        Ok((film.spp() >= CLASSES).then(|| film.variance()))
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {

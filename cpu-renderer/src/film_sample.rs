@@ -20,7 +20,7 @@
 use glam::Vec3;
 use pumice_picture::PassSums;
 use pumice_picture::cryptomatte::Ids;
-use pumice_picture::film::REPLICATES;
+use pumice_picture::film::CLASSES;
 use pumice_picture::passes::{COLOR_KINDS, LIGHT_KINDS};
 use pumice_scene::Settings;
 
@@ -212,7 +212,7 @@ impl AovSample {
         }
         if self.kept.caught {
             let floats = self.kept.caught_floats();
-            let at = self.kept.caught_at() + floats * (number % REPLICATES) as usize;
+            let at = self.kept.caught_at() + floats * (number % CLASSES) as usize;
             let [all, alone] = self.caught;
             let part = |is: bool| f32::from(u8::from(is));
             let counts = [part(self.covered), part(self.alpha == 0.0)];

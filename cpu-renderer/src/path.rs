@@ -21,7 +21,7 @@ use pumice_scene::{Mode, Settings};
 use pumice_transport::bsdf::{Bsdf, LEAST_VIEW, SpecularNormal, emitted, sample_cosine};
 use pumice_transport::lights::{LightOdds, Lights};
 use pumice_transport::material_table::MaterialTables;
-use pumice_transport::sampler::{BouncePair, PixelSampler};
+use pumice_transport::sampler::{BounceSet, PixelSampler};
 use pumice_transport::sun::frame_around;
 use pumice_transport::{Hit, PathOrigin, RayInWorld, Receiver, Tracer};
 
@@ -34,9 +34,6 @@ const FIRST_ROULETTE: u32 = 2;
 
 /// Least survival probability, which bounds the weight of surviving paths.
 const LEAST_SURVIVAL: f32 = 0.05;
-
-/// Offset of the bounce number for random numbers beyond a bounce's pairs: no path has so many surfaces.
-const FURTHER: u32 = 1 << 28;
 
 /// Everything that a path meets except geometry.
 #[derive(Clone, Debug)]
@@ -208,7 +205,8 @@ fn ambient<T: Tracer + ?Sized>(
     if hit.is_seen_from_within() {
         return;
     }
-    let direction = frame.world(sample_cosine(sampler.bounce(0, BouncePair::Scatter)));
+    let [u, v, _] = sampler.bounce(0, BounceSet::Scatter);
+    let direction = frame.world(sample_cosine([u, v]));
     let ray = RayInWorld { origin: ray.origin + ray.direction * hit.t, direction };
     let above = direction.dot(normal) > 0.0;
     let (from, reach) = (PathOrigin::Face(hit.surface), around.settings.ao_distance);
@@ -256,7 +254,7 @@ fn path<T: Tracer + ?Sized>(
         let origin = ray.origin + ray.direction * hit.t;
 
         // Straight on where the surface is transparent.
-        if material.alpha < 1.0 && sampler.bounce(step, BouncePair::Roulette)[1] >= material.alpha {
+        if material.alpha < 1.0 && sampler.bounce(step, BounceSet::Survival)[1] >= material.alpha {
             passed += 1;
             if passed > MAX_TRANSPARENT_SURFACES {
                 return;
@@ -319,15 +317,12 @@ fn path<T: Tracer + ?Sized>(
         let receiver =
             Receiver { point: origin, normal: frame.normal.as_vec3(), both_sides: bsdf.transmits() };
         // Sample a light.
-        let mut choice = None;
         let mut odds = LightOdds::default();
         if lights.samples_lights() {
             odds = lights.odds(&receiver);
-            let [which, lobe] = sampler.bounce(step, BouncePair::Choice);
-            choice = Some(lobe);
-            let further = || sampler.bounce(step | FURTHER, BouncePair::Choice);
-            let towards = sampler.bounce(step, BouncePair::Light);
-            if let Some(light) = lights.sample_light(&receiver, &odds, which, towards, further)
+            let [u, v, which] = sampler.bounce(step, BounceSet::Light);
+            let further = || sampler.bounce(step, BounceSet::Emitter);
+            if let Some(light) = lights.sample_light(&receiver, &odds, which, [u, v], further)
                 && (light.direction.dot(frame.normal) > 0.0 || bsdf.transmits())
                 && (among != Among::Catchers
                     || light.instance.is_none_or(|i| around.materials[i as usize].catches()))
@@ -348,12 +343,8 @@ fn path<T: Tracer + ?Sized>(
         }
 
         // Scatter.
-        let lobe = match choice {
-            Some(lobe) => lobe,
-            None if bsdf.has_two_lobes() => sampler.bounce(step, BouncePair::Choice)[1],
-            None => 0.5,
-        };
-        let Some(sample) = bsdf.sample(sampler.bounce(step, BouncePair::Scatter), lobe) else {
+        let [u, v, lobe] = sampler.bounce(step, BounceSet::Scatter);
+        let Some(sample) = bsdf.sample([u, v], lobe) else {
             return;
         };
         throughput *= sample.weight;
@@ -373,7 +364,7 @@ fn path<T: Tracer + ?Sized>(
         // End by Russian roulette; surviving paths are weighted for those that end (Arvo and Kirk 1990).
         if around.settings.russian_roulette && vertex >= FIRST_ROULETTE && most < 1.0 {
             let survival = most.max(LEAST_SURVIVAL);
-            if sampler.bounce(step, BouncePair::Roulette)[0] >= survival {
+            if sampler.bounce(step, BounceSet::Survival)[0] >= survival {
                 return;
             }
             throughput /= survival;

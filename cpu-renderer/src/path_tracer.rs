@@ -4,7 +4,7 @@
 use std::time::{Duration, Instant};
 
 use pumice_core::Job;
-use pumice_picture::film::{REPLICATES, STRIDE};
+use pumice_picture::film::{CLASSES, STRIDE};
 use pumice_picture::{FilmBuffer, Image, PassSums, Picture};
 use pumice_scene::{Camera, Film, Passes};
 use pumice_transport::camera_rays::CameraRays;
@@ -160,7 +160,7 @@ impl<T: Tracer> PathTracer<T> {
                         sorted.add_to(&mut row.passes[x * stride..][..stride], sample);
                         sorted.total
                     };
-                    let at = 3 * (sample % REPLICATES) as usize;
+                    let at = 3 * (sample % CLASSES) as usize;
                     sums[at] += color.x;
                     sums[at + 1] += color.y;
                     sums[at + 2] += color.z;
@@ -201,7 +201,7 @@ impl<T: Tracer> PathTracer<T> {
             .collect();
         let image = |f: fn(&First) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
         let picture = Picture {
-            variance: (self.film.spp() >= REPLICATES).then(|| self.film.variance()),
+            variance: (self.film.spp() >= CLASSES).then(|| self.film.variance()),
             depth: Some(firsts.iter().map(|f| f.depth).collect()),
             label: Some(firsts.iter().map(|f| f.label).collect()),
             instance: Some(firsts.iter().map(|f| f.instance).collect()),

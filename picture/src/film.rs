@@ -1,10 +1,12 @@
-//! The film: sums of samples, kept apart for each independent scramble (replicate), and the error estimated from them.
+//! The film: sums of samples, kept apart for each class of samples, and the error estimated from them.
 //!
 //! ```text
-//! sums: pixel 0: replicate 0 (r g b), replicate 1 (r g b), …   pixel 1: …        f32, rows from the top
+//! sums: pixel 0: class 0 (r g b), class 1 (r g b), …   pixel 1: …        f32, rows from the top
 //! ```
-//! **Estimate.** Sample i belongs to replicate i mod R. Each replicate is an unbiased picture of its own, independent of the
-//! others, so the spread of their means gives the variance of the picture whatever the points within a replicate do:
+//! **Estimate.** Sample i belongs to class i mod R. Each class is an unbiased picture of its own, stratified as well as the samples of a
+//! pixel of as many would be (see `sampler.rs` in the crate `pumice-transport`). The spread of their means gives the variance of the
+//! picture if the classes are independent. They are not quite: all samples together are one sequence, which is better than four of a
+//! quarter, so the estimate is somewhat too large, most where few samples meet a smooth integrand:
 //! var = Σ (nᵣ/n)² (mᵣ − m)² · R / (R − 1). The relative error is √(mean over pixels and channels of var / (μ² + 0.01)), the square
 //! root of what `metrics::rel_mse` finds against a perfect reference. μ² is not known; m² exceeds it by the variance and rises
 //! and falls with it, which makes the ratio too small where a pixel is noisy. So μ² is taken from the pixel only as far as it is
@@ -22,11 +24,11 @@ use crate::image::Image;
 use crate::passes::PassSums;
 use crate::resting::Resting;
 
-/// Number of independent scrambles of the sampler. A pixel's samples are dealt to them in turn, and the spread of the replicates' means
+/// Number of classes of samples. A pixel's samples are dealt to them in turn, and the spread of the classes' means
 /// gives the error.
-pub const REPLICATES: u32 = 4;
+pub const CLASSES: u32 = 4;
 
-const R: usize = REPLICATES as usize;
+const R: usize = CLASSES as usize;
 
 /// Floats per pixel.
 pub const STRIDE: usize = 3 * R;
@@ -193,7 +195,7 @@ impl FilmBuffer {
             return self.caught_moments(pixel, channel, n);
         }
         let sums = &self.sums[pixel * STRIDE..][..STRIDE];
-        let n_of = |r: usize| f64::from((n + REPLICATES - 1 - r as u32) / REPLICATES);
+        let n_of = |r: usize| f64::from((n + CLASSES - 1 - r as u32) / CLASSES);
         let total = f64::from(n);
         let mean = (0..R).map(|r| f64::from(sums[3 * r + channel])).sum::<f64>() / total;
         let spread: f64 = (0..R)
@@ -202,7 +204,7 @@ impl FilmBuffer {
                 d * d
             })
             .sum();
-        (mean, if n < REPLICATES { f64::INFINITY } else { spread * R as f64 / (R - 1) as f64 })
+        (mean, if n < CLASSES { f64::INFINITY } else { spread * R as f64 / (R - 1) as f64 })
     }
 
     /// The mean of all samples; with shadow catchers, the colours composited from it.
@@ -213,7 +215,7 @@ impl FilmBuffer {
         self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).0)
     }
 
-    /// Variance of that mean; infinite with less than one sample per replicate. With shadow catchers, of the picture over white.
+    /// Variance of that mean; infinite with less than one sample per class. With shadow catchers, of the picture over white.
     pub fn variance(&self) -> Image {
         self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).1)
     }
@@ -230,13 +232,13 @@ impl FilmBuffer {
         )
     }
 
-    /// Estimated relative error of the mean of some rows; infinite with less than one sample per replicate.
+    /// Estimated relative error of the mean of some rows; infinite with less than one sample per class.
     ///
     /// μ² = w·(m² − var)⁺ + (1 − w)·a², w = m² / (m² + 16 var), where a is the mean of the up to 8 pixels around,
     /// without the pixel itself: a rare bright sample must not raise the value that its error is divided by.
     pub fn error_estimate_of(&self, rows: Range<usize>) -> f64 {
         let rows = rows.start..rows.end.min(self.height);
-        if self.spp() < REPLICATES || rows.is_empty() {
+        if self.spp() < CLASSES || rows.is_empty() {
             return f64::INFINITY;
         }
         // Blocks of fixed height, added in order, give the same result for any number of threads.

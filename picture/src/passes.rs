@@ -5,19 +5,19 @@
 //! alpha     1    samples that hit a surface
 //! features  6    colour (r g b) and normal (x y z) of the first surface
 //! light    33    diffuse, glossy, transmission, each direct and indirect; emission; environment; the three colours, r g b each
-//! caught   32 or 44    light of shadow catchers, a group for each replicate (see crate::shadow_catcher)
+//! caught   32 or 44    light of shadow catchers, a group for each class (see crate::shadow_catcher)
 //! labels   4 a rank    slots, each with an id and the number of samples that saw it (see crate::cryptomatte)
 //! types    4 a rank    the same
 //! ```
-//! Sums are over all samples: only the error of the colour needs separate replicates. The mean light of each kind is divided by the
+//! Sums are over all samples: only the error of the colour needs separate classes. The mean light of each kind is divided by the
 //! mean colour of that kind, as in Cycles' `film_get_pass_pixel_light_path`, so that
 //! `(direct + indirect) · colour` of the three kinds, emission and environment add up to the picture again.
 
 use pumice_scene::{Film, Pass, Passes};
 use rayon::prelude::*;
 
+use crate::film::CLASSES;
 use crate::film::FilmBuffer;
-use crate::film::REPLICATES;
 use crate::image::Image;
 use crate::picture::Picture;
 use crate::shadow_catcher::CAUGHT_FLOATS;
@@ -74,7 +74,7 @@ impl PassSums {
 
     /// Offset of the mattes: by label, then by type.
     pub const fn mattes_at(self) -> usize {
-        self.caught_at() + if self.caught { REPLICATES as usize * self.caught_floats() } else { 0 }
+        self.caught_at() + if self.caught { CLASSES as usize * self.caught_floats() } else { 0 }
     }
 
     /// Offset of the light of shadow catchers.
@@ -82,7 +82,7 @@ impl PassSums {
         self.light_at() + if self.light { 3 * (LIGHT_KINDS + COLOR_KINDS) } else { 0 }
     }
 
-    /// Floats per replicate of the light of shadow catchers.
+    /// Floats per class of the light of shadow catchers.
     pub const fn caught_floats(self) -> usize {
         CAUGHT_FLOATS[self.keeps_behind() as usize]
     }

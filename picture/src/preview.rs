@@ -10,7 +10,7 @@
 //! luminance             in units of the noise of both (Schied et al. 2017, *Spatiotemporal Variance-Guided Filtering*, §4.4):
 //!                       separates shadows. The filter fades out as the picture converges; the variance is filtered along
 //! ```
-//! With less than one sample per replicate no variance is known, and luminance has no effect. Blurring adds a bias that the estimated
+//! With less than one sample per class no variance is known, and luminance has no effect. Blurring adds a bias that the estimated
 //! error does not include; alpha and the passes are unchanged.
 
 use rayon::prelude::*;

@@ -1,12 +1,12 @@
 //! Adaptive sampling: pixels with enough samples rest, taking no more (Blender's *Noise Threshold*).
 //!
 //! At certain numbers of samples the film is examined. A pixel's squared error is the mean over channels of var / (μ² + 0.01), as
-//! in [`FilmBuffer::error_estimate`]; four replicates make it coarse, so it is averaged over 3 × 3 pixels. A pixel rests for good
+//! in [`FilmBuffer::error_estimate`]; four classes make it coarse, so it is averaged over 3 × 3 pixels. A pixel rests for good
 //! if no such mean within one pixel of it is above the threshold: a noisy pixel keeps its neighbours awake, as in Cycles, which dilates
 //! by the same distance.
 //!
 //! ```text
-//! examined   at min_spp (a multiple of the replicates), then each time after a quarter more samples: a few times per doubling
+//! examined   at min_spp (a multiple of the classes), then each time after a quarter more samples: a few times per doubling
 //! rested     per pixel the samples that it had when it came to rest, or AWAKE
 //! ```
 //! The film is examined at fixed numbers of samples and only after complete passes, so the result does not depend on time, threads or
@@ -17,8 +17,8 @@ use pumice_core::reserve::reserved;
 use pumice_scene::Adaptive;
 use rayon::prelude::*;
 
+use crate::film::CLASSES;
 use crate::film::FilmBuffer;
-use crate::film::REPLICATES;
 
 /// The value of a pixel that does not rest.
 pub const AWAKE: u32 = u32::MAX;
@@ -67,7 +67,7 @@ impl Resting {
 
 /// The number of samples at which a film is examined first.
 fn first_look(rule: Adaptive) -> u32 {
-    rule.min_spp.max(REPLICATES).next_multiple_of(REPLICATES)
+    rule.min_spp.max(CLASSES).next_multiple_of(CLASSES)
 }
 
 impl FilmBuffer {
@@ -93,8 +93,8 @@ impl FilmBuffer {
             return false;
         }
         let Some(mut resting) = self.resting.take() else { return false };
-        let steps = spp / REPLICATES;
-        resting.next_look = steps.saturating_add((steps / 4).max(1)).saturating_mul(REPLICATES);
+        let steps = spp / CLASSES;
+        resting.next_look = steps.saturating_add((steps / 4).max(1)).saturating_mul(CLASSES);
 
         let (width, height) = self.size();
         let errors = self.squared_errors();

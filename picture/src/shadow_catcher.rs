@@ -2,7 +2,7 @@
 //!
 //! A camera path that hits a catcher continues twice with the same random numbers: once in the whole scene (**all**), and once in a scene
 //! of the catchers **alone**. If nothing casts a shadow, both find the same light to the last bit; their quotient is the shadow. The
-//! picture without catchers is the **matte**, in which a catcher is a hole. Each replicate keeps, in addition to its sums of the matte in
+//! picture without catchers is the **matte**, in which a catcher is a hole. Each class keeps, in addition to its sums of the matte in
 //! the film:
 //!
 //! ```text
@@ -24,24 +24,24 @@
 //! ```
 //! If the pass is requested, the shadow is only in the pass and not in the picture: then alpha = s and colour = m on both films.
 //!
-//! **Error.** Quotients of single replicates are noisy where few samples hit a catcher, so the spread is taken over pictures with one
-//! replicate left out (the jackknife: Efron and Stein 1981); for plain sums this equals the estimate of [`crate::film`] exactly. The error
+//! **Error.** Quotients of single classes are noisy where few samples hit a catcher, so the spread is taken over pictures with one
+//! class left out (the jackknife: Efron and Stein 1981); for plain sums this equals the estimate of [`crate::film`] exactly. The error
 //! is that of the picture over white, because shadows are only in alpha.
 
-use crate::film::REPLICATES;
+use crate::film::CLASSES;
 use crate::film::{FilmBuffer, STRIDE};
 use crate::image::Image;
 use crate::passes::PassSums;
 
-const R: usize = REPLICATES as usize;
+const R: usize = CLASSES as usize;
 
-/// Floats of a replicate, without and with light from behind.
+/// Floats of a class, without and with light from behind.
 pub const CAUGHT_FLOATS: [usize; 2] = [8, 11];
 
 /// The light behind a transparent picture that is laid over white.
 const WHITE: [f64; 3] = [1.0; 3];
 
-/// Sums of some replicates of a pixel.
+/// Sums of some classes of a pixel.
 #[derive(Clone, Copy, Debug, Default)]
 struct Sums {
     samples: f64,
@@ -101,14 +101,14 @@ impl Sums {
 }
 
 impl FilmBuffer {
-    /// Sums of a pixel with `n` samples, of all replicates but one.
+    /// Sums of a pixel with `n` samples, of all classes but one.
     fn caught_without(&self, pixel: usize, n: u32, left_out: Option<usize>) -> Sums {
         let (kept, mut sums) = (self.kept(), Sums::default());
         let film = &self.sums()[pixel * STRIDE..][..STRIDE];
         let floats = kept.caught_floats();
         let caught = &self.pass_sums()[pixel * kept.stride() + kept.caught_at()..][..R * floats];
         for r in (0..R).filter(|&r| Some(r) != left_out) {
-            let samples = f64::from((n + REPLICATES - 1 - r as u32) / REPLICATES);
+            let samples = f64::from((n + CLASSES - 1 - r as u32) / CLASSES);
             sums.add(samples, &film[3 * r..][..3], &caught[r * floats..][..floats]);
         }
         sums
@@ -128,7 +128,7 @@ impl FilmBuffer {
     pub(crate) fn caught_moments(&self, pixel: usize, channel: usize, n: u32) -> (f64, f64) {
         let all = self.caught_without(pixel, n, None);
         let value = all.seen(self.kept()).laid[channel];
-        if n < REPLICATES {
+        if n < CLASSES {
             return (value, f64::INFINITY);
         }
         let spread: f64 = (0..R)
@@ -224,12 +224,12 @@ mod tests {
         assert!(none.alpha == 0.0 && none.color == [0.0; 3] && none.shadow == [1.0; 3]);
     }
 
-    /// One pixel: sample i of replicate i mod 4 adds a float to each sum.
+    /// One pixel: sample i of class i mod 4 adds a float to each sum.
     fn film_of(kept: PassSums, samples: u32, value: impl Fn(u32, usize) -> f32) -> FilmBuffer {
         let mut film = FilmBuffer::with_passes(1, 1, kept).unwrap();
         let floats = if kept.caught { kept.caught_floats() } else { 0 };
         for i in 0..samples {
-            let r = (i % REPLICATES) as usize;
+            let r = (i % CLASSES) as usize;
             for c in 0..3 {
                 film.sums_mut(i + 1)[3 * r + c] += value(i, c);
             }
@@ -286,7 +286,7 @@ mod tests {
         let mean = values.iter().sum::<f64>() / 2000.0;
         let var = values.iter().map(|v| (v - mean) * (v - mean)).sum::<f64>() / 1999.0;
         assert!((mean - 0.6).abs() < 4.0 * (var / 2000.0).sqrt() + 1e-3, "{mean}");
-        // 2000 films tell a variance to 3 %, four replicates each theirs to 80 % / √2000.
+        // 2000 films tell a variance to 3 %, four classes each theirs to 80 % / √2000.
         assert!((told / var - 1.0).abs() < 0.15, "{told} for {var}");
     }
 }

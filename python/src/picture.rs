@@ -55,7 +55,7 @@ impl Picture {
         image(&self.0.picture.color)
     }
 
-    /// Variance of the colour, per channel; `None` with less than one sample per independent replicate.
+    /// Variance of the colour, per channel; `None` with less than one sample for each of four classes.
     fn variance(&self) -> Option<Array> {
         self.0.picture.variance.as_ref().map(image)
     }

@@ -223,15 +223,6 @@ impl Bsdf {
         }
     }
 
-    /// Whether a sampled direction depends on the random choice of a lobe.
-    #[inline]
-    pub fn has_two_lobes(&self) -> bool {
-        self.coat_probability > 0.0
-            || self.sheen_probability > 0.0
-            || (self.microfacet_probability > 0.0 && self.microfacet_probability < 1.0)
-            || self.transmits()
-    }
-
     /// Whether light passes through the surface.
     #[inline]
     pub fn transmits(&self) -> bool {

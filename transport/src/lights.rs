@@ -262,7 +262,7 @@ impl Lights {
         odds: &LightOdds,
         choice: f32,
         u: [f32; 2],
-        further: impl FnOnce() -> [f32; 2],
+        further: impl FnOnce() -> [f32; 3],
     ) -> Option<LightSample> {
         let (light, chance, within) = self.choose(from, odds, choice)?;
         let mut distance = f64::INFINITY;
@@ -280,7 +280,8 @@ impl Lights {
                 (s.direction.as_dvec3(), s.radiance, (s.pdf > 0.0).then_some(s.pdf))
             }
             Light::Emitters => {
-                let s = self.emitters.as_ref()?.sample(from, within, further(), u)?;
+                let [a, b, _] = further();
+                let s = self.emitters.as_ref()?.sample(from, within, [a, b], u)?;
                 (distance, instance) = (s.distance, Some(s.instance));
                 (s.direction, s.radiance, Some(s.pdf))
             }

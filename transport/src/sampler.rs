@@ -1,57 +1,62 @@
-//! Sample points: Owen-scrambled Sobol, one independent scramble for each pixel, replicate and named dimension.
+//! Sample points: one Owen-scrambled Sobol sequence for each pixel and each set of dimensions.
 //!
-//! A path's dimensions are taken in pairs. Each pair is the first two dimensions of the Sobol sequence, a (0,2)-sequence, whose index is
-//! shuffled and whose values are scrambled by hashes of (seed, pixel, replicate, pair). This "padding" gives any number of bounces good
-//! points (Burley 2020, *Practical Hash-based Owen Scrambling*, JCGT 9(4)).
+//! A path's dimensions are taken in sets of three: numbers that decide together (the choice of a light and the point on it; the choice of a
+//! lobe and the direction within it) are stratified together. Each set is the first three dimensions of the Sobol sequence, whose first two
+//! are a (0,2)-sequence. Its index is shuffled and its values are scrambled by hashes of (seed, pixel, set). This "padding" gives any
+//! number of bounces good points (Burley 2020, *Practical Hash-based Owen Scrambling*, JCGT 9(4)).
 //!
-//! Samples alternate among [`REPLICATES`] scrambles. Within a replicate the points are stratified, so their variance does not measure the
-//! error; the replicates are independent, so the variance between them does.
+//! **Classes.** Sample i belongs to class i mod 4 ([`CLASSES`]), in every set. A class is c = Σ ωⁱ nᵢ over the bits nᵢ of a point's number
+//! n in its sequence, where ω generates the field of four elements. The points of one class are a (0,2)-sequence in the first two
+//! dimensions as well: for 2ᵏ consecutive points and a box of a × b digits, a + b = k − 2, the digits and c are k independent linear
+//! functions of the index. (Pascal's triangle takes the powers of ω to powers of ω, and two consecutive powers are independent.) So the
+//! four means of the classes are those of four stratified pictures, and their spread measures the error, while all samples together are
+//! one sequence. A shuffle that keeps the classes shuffles the block of four and follows with the number within it.
 //!
-//! **Dithered across pixels.** For pairs of the camera and the first surfaces (`SPREAD`), the first point of each replicate itself follows
-//! a scrambled Sobol sequence along a Z-order curve through the picture. Neighbouring pixels draw different numbers, so that one is too
+//! **Dithered across pixels.** For sets of the camera and the first surfaces (`SPREAD`), the first point of a pixel itself follows a
+//! scrambled Sobol sequence along a Z-order curve through the picture. Neighbouring pixels draw different numbers, so that one is too
 //! bright where another is too dark, and the noise of a few samples is fine grained (Ahmed and Wonka 2020, *Screen-Space Blue-Noise
 //! Diffusion of Monte Carlo Sampling Error via Hierarchical Ordering of Pixels*). Only the first point is chosen, by flipping digits of the
 //! pixel's own scramble at all positions where the point must differ. An Owen scramble with flipped digits is again an Owen scramble, so no
-//! pixel's estimate gets worse, after any number of samples, and the final number of samples need not be known.
+//! pixel's estimate gets worse, after any number of samples, and the final number of samples need not be known. The next three points
+//! differ from the first alike in all pixels, in the first two digits, so that they follow the curve as far.
 
-use pumice_picture::film::REPLICATES;
+use pumice_picture::film::CLASSES;
 
-/// The purpose of a pair of random numbers. The dimensions of bounces start at [`Dimension::Bounce`], in steps of [`PAIRS_A_BOUNCE`].
+/// The purpose of a set of random numbers. The sets of bounces start at [`Dimensions::Bounce`], in steps of [`SETS_A_BOUNCE`].
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
-pub enum Dimension {
+pub enum Dimensions {
     /// Position within the pixel's filter.
     Film = 0,
-    /// First pair of the first bounce.
+    /// First set of the first bounce.
     Bounce = 1,
-    /// Point of the camera's aperture. It is the last dimension, which no bounce reaches, so pictures without depth of field do not depend
-    /// on it.
+    /// Point of the camera's aperture. It is the last set, which no bounce reaches, so pictures without depth of field do not depend on it.
     Lens = u32::MAX,
 }
 
-/// The pairs that each bounce uses, in this order.
+/// The sets that each bounce uses, in this order.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 #[repr(u32)]
-pub enum BouncePair {
-    /// Direction towards the chosen light.
+pub enum BounceSet {
+    /// Direction towards the chosen light; choice of a light.
     Light = 0,
-    /// Direction of scattering.
+    /// Direction of scattering; choice of a lobe.
     Scatter = 1,
-    /// Choice of a light, choice of a lobe.
-    Choice = 2,
-    /// Russian roulette.
-    Roulette = 3,
+    /// Russian roulette; passing straight on through a transparent surface.
+    Survival = 2,
+    /// Choice of an emissive face where emission is chosen for a light.
+    Emitter = 3,
 }
 
-/// Number of pairs of one bounce.
-pub const PAIRS_A_BOUNCE: u32 = 4;
+/// Number of sets of one bounce.
+pub const SETS_A_BOUNCE: u32 = 4;
 
 /// The random numbers of one sample of one pixel.
 #[derive(Clone, Copy, Debug)]
 pub struct PixelSampler {
     base: u64,
-    index: u32,
-    /// Key that all pixels of a replicate share.
+    sample: u32,
+    /// Key that all pixels share.
     shared: u64,
     /// Index of the pixel along a Z-order curve through the picture.
     place: u32,
@@ -60,67 +65,101 @@ pub struct PixelSampler {
 impl PixelSampler {
     /// Random numbers of sample number `sample` at `pixel` (x, y).
     pub fn new(seed: u64, pixel: [u32; 2], sample: u32) -> Self {
-        // Pixels and replicates of one seed have different words (17 bits for each coordinate), and `mix` is a bijection: no two share
-        // their points, as thousands would if their words were hashed to 32 bits.
-        let word = u64::from(pixel[0]) | u64::from(pixel[1]) << 17 | u64::from(sample % REPLICATES) << 34;
-        let (seed, base) = (mix(seed), mix(mix(seed) ^ word));
-        let shared = mix(seed ^ (u64::from(sample % REPLICATES) << 34 | SHARED_BY_PIXELS));
-        Self { base, index: sample / REPLICATES, shared, place: z_order(pixel) }
+        // Pixels of one seed have different words (17 bits for each coordinate), and `mix` is a bijection: no two share their points, as
+        // thousands would if their words were hashed to 32 bits.
+        let word = u64::from(pixel[0]) | u64::from(pixel[1]) << 17;
+        let seed = mix(seed);
+        Self { base: mix(seed ^ word), sample, shared: mix(seed ^ SHARED_BY_PIXELS), place: z_order(pixel) }
     }
 
-    /// The pair for `pair` of bounce `bounce`, each number in [0, 1).
+    /// The numbers for `set` of bounce `bounce`, each in [0, 1).
     #[inline]
-    pub fn bounce(&self, bounce: u32, pair: BouncePair) -> [f32; 2] {
-        self.pair(Dimension::Bounce as u32 + bounce * PAIRS_A_BOUNCE + pair as u32)
+    pub fn bounce(&self, bounce: u32, set: BounceSet) -> [f32; 3] {
+        self.set(Dimensions::Bounce as u32 + bounce * SETS_A_BOUNCE + set as u32)
     }
 
-    /// The pair for the position on the film.
+    /// The numbers for the position on the film.
     #[inline]
     pub fn film(&self) -> [f32; 2] {
-        self.pair(Dimension::Film as u32)
+        let [x, y, _] = self.set(Dimensions::Film as u32);
+        [x, y]
     }
 
-    /// The pair for the point of the camera's aperture.
+    /// The numbers for the point of the camera's aperture.
     #[inline]
     pub fn lens(&self) -> [f32; 2] {
-        self.pair(Dimension::Lens as u32)
+        let [x, y, _] = self.set(Dimensions::Lens as u32);
+        [x, y]
     }
 
     #[inline]
-    fn pair(&self, dimension: u32) -> [f32; 2] {
-        let key = key_of(self.base, dimension);
-        let [mut x, mut y] = scrambled_point(self.index, key);
-        if SPREAD.contains(&dimension) {
-            // Moves the first point to its place in the sequence across pixels.
-            let first = scrambled_point(0, key);
-            let there = scrambled_point(self.place, key_of(self.shared, dimension));
-            (x, y) = (x ^ first[0] ^ there[0], y ^ first[1] ^ there[1]);
+    fn set(&self, set: u32) -> [f32; 3] {
+        let key = key_of(self.base, set);
+        if !SPREAD.contains(&set) {
+            return scrambled_point(self.sample, key, key, 0).map(unit);
         }
-        [unit(x), unit(y)]
+        // Moves the first point to its place in the sequence across pixels.
+        let shared = key_of(self.shared, set);
+        let here = scrambled_point(self.sample, key, shared, SHARED_DIGITS);
+        let first = scrambled_point(0, key, shared, SHARED_DIGITS);
+        let there = scrambled_point(self.place, shared, shared, 0);
+        [0, 1, 2].map(|d| unit(here[d] ^ first[d] ^ there[d]))
     }
 }
 
-/// Pairs whose first points are spread over the picture: those of the film and of the first two surfaces. After these, neighbouring pixels
+/// Sets whose first points are spread over the picture: those of the film and of the first two surfaces. After these, neighbouring pixels
 /// see different things.
-const SPREAD: std::ops::Range<u32> = 0..1 + 2 * PAIRS_A_BOUNCE;
+const SPREAD: std::ops::Range<u32> = 0..1 + 2 * SETS_A_BOUNCE;
 
-/// A bit that is 0 in the word of every pixel, since these words have 37 bits.
+/// The digits in which the first four points differ alike in all pixels.
+const SHARED_DIGITS: u32 = 0xC000_0000;
+
+/// A bit that is 0 in the word of every pixel, since these words have 34 bits.
 const SHARED_BY_PIXELS: u64 = 1 << 63;
 
-/// Key of the scramble of one dimension.
+/// Key of the scramble of one set.
 #[inline]
-fn key_of(base: u64, dimension: u32) -> u64 {
-    mix(base.wrapping_add(u64::from(dimension).wrapping_mul(0x9E37_79B9_7F4A_7C15)))
+fn key_of(base: u64, set: u32) -> u64 {
+    mix(base.wrapping_add(u64::from(set).wrapping_mul(0x9E37_79B9_7F4A_7C15)))
 }
 
-/// Point `index` of the sequence, with order and digits scrambled by `key`.
+/// Point of a sample, with order and digits scrambled by `key`, but for the digits `kept`; `turn` orders the classes.
 #[inline]
-fn scrambled_point(index: u32, key: u64) -> [u32; 2] {
+fn scrambled_point(sample: u32, key: u64, turn: u64, kept: u32) -> [u32; 3] {
     let (low, high) = (key as u32, (key >> 32) as u32);
-    let index = owen_scramble(index, low);
-    let x = owen_scramble(index.reverse_bits(), high);
-    let y = owen_scramble(sobol_second(index), low.rotate_left(16) ^ high.wrapping_mul(0x85EB_CA6B));
-    [x, y]
+    let index = shuffled(sample, low, turn);
+    let scramble = |value: u32, seed| value & kept | owen_scramble(value, seed) & !kept;
+    [
+        scramble(index.reverse_bits(), high),
+        scramble(sobol_second(index), low.rotate_left(16) ^ high.wrapping_mul(0x85EB_CA6B)),
+        scramble(sobol_fourth(index), high.rotate_left(16) ^ low.wrapping_mul(0xC2B2_AE35)),
+    ]
+}
+
+/// Index in the sequence of a sample: an Owen scramble that takes samples of a class to points of a class.
+#[inline]
+fn shuffled(sample: u32, key: u32, turn: u64) -> u32 {
+    let block = owen_scramble(sample / CLASSES, key);
+    block << 2 | turned(sample % CLASSES, turn) ^ class_of_block(block)
+}
+
+/// A class times 1, ω or ω², by the key. The low bit counts 1, the high bit ω; ω² = ω + 1.
+#[inline]
+fn turned(class: u32, key: u64) -> u32 {
+    let (low, high) = (class & 1, class >> 1);
+    match (key >> 32) % 3 {
+        0 => class,
+        1 => (low ^ high) << 1 | high,
+        _ => low << 1 | low ^ high,
+    }
+}
+
+/// Σ ωⁱ nᵢ over the bits of n = 4 · block.
+#[inline]
+fn class_of_block(block: u32) -> u32 {
+    let ones = (block & 0xDB6D_B6DB).count_ones() & 1;
+    let omegas = (block & 0x6DB6_DB6D).count_ones() & 1;
+    omegas << 1 | ones
 }
 
 /// Interleaves the bits of x and y: the position of a pixel on a curve that finishes each square of 2ⁿ × 2ⁿ pixels before the next. Pixels
@@ -159,6 +198,29 @@ fn sobol_second(index: u32) -> u32 {
     x.reverse_bits()
 }
 
+/// Fourth dimension of the Sobol sequence (Joe and Kuo 2008, polynomial p = T³ + T + 1, initial values 1, 3, 1).
+///
+/// Its direction numbers follow v(i) = v(i−2) + v(i−3) + v(i−3)/8: with T for the next number and S for a shift by a digit, p(T) = S³. So
+/// the index, as a polynomial in T, is expanded in powers of p: Σ p^q (a + b T + c T²) stands for three digits shifted by 3q, a·100 + b·110
+/// + c·001 in binary. Four levels do that, by T^3n = p^n + T^n + 1 for n = 8, 4, 2, 1.
+#[inline]
+fn sobol_fourth(index: u32) -> u32 {
+    let mut x = index;
+    x ^= (x >> 24) & 0x0000_00FF;
+    x ^= (x >> 16) & 0x0000_FF00;
+    x ^= (x >> 8) & 0x0000_F000;
+    x ^= (x >> 12) & 0x0000_0FFF;
+    x ^= (x >> 8) & 0x0000_0FF0;
+    x ^= (x >> 4) & 0x000C_00C0;
+    x ^= (x >> 6) & 0x3F03_F03F;
+    x ^= (x >> 4) & 0x3C03_C03C;
+    x ^= (x >> 2) & 0x0820_8208;
+    x ^= (x >> 3) & 0x071C_71C7;
+    x ^= (x >> 2) & 0x0618_6186;
+    x ^= (x >> 1) & 0x4924_9249;
+    x.reverse_bits()
+}
+
 /// Nested uniform scramble by a hash in which each bit depends only on the bits above it: Laine and Karras 2011 with the constants of
 /// Burley 2020, listing 3.
 #[inline]
@@ -188,10 +250,10 @@ mod tests {
 
     #[test]
     fn no_two_pixels_share_their_points() {
-        // 1920 × 1080 × 4 words hashed to 32 bits would collide some 8,000 times.
+        // 1920 × 1080 words hashed to 32 bits would collide some 500 times.
         let mut bases: Vec<u64> = (0..1080)
-            .flat_map(|y| (0..1920).flat_map(move |x| (0..REPLICATES).map(move |r| (x, y, r))))
-            .map(|(x, y, r)| PixelSampler::new(7, [x, y], r).base)
+            .flat_map(|y| (0..1920).map(move |x| [x, y]))
+            .map(|pixel| PixelSampler::new(7, pixel, 0).base)
             .collect();
         let all = bases.len();
         bases.sort_unstable();
@@ -213,7 +275,39 @@ mod tests {
         }
     }
 
-    fn boxes_hit_once(points: &[[f32; 2]]) -> bool {
+    /// Compares with the recurrence of the direction numbers (Joe and Kuo 2008, polynomial x³ + x + 1, initial values 1, 3, 1).
+    #[test]
+    fn fourth_dimension_follows_its_direction_numbers() {
+        let mut directions = vec![1u32 << 31, 3 << 30, 1 << 29];
+        for i in 3..32 {
+            let (two, three) = (directions[i - 2], directions[i - 3]);
+            directions.push(two ^ three ^ three >> 3);
+        }
+        for i in (0..4096u32).chain([u32::MAX, 0x8000_0000, 0xDEAD_BEEF, 0x1234_5678]) {
+            let value = (0..32).filter(|b| i >> b & 1 != 0).fold(0, |v, b| v ^ directions[b]);
+            assert_eq!(sobol_fourth(i), value, "{i}");
+        }
+    }
+
+    /// The class of a point is the first two digits of the Sobol sequence's third dimension (polynomial x² + x + 1, initial values 1, 3),
+    /// whose direction numbers are written out here.
+    #[test]
+    fn a_class_is_a_quarter_of_the_third_dimension() {
+        let mut directions = vec![1u32 << 31, 3 << 30];
+        for i in 2..32 {
+            let (one, two) = (directions[i - 1], directions[i - 2]);
+            directions.push(one ^ two ^ two >> 2);
+        }
+        let mut classes = std::collections::BTreeSet::new();
+        for i in (0..4096u32).chain([u32::MAX, 0x8000_0000, 0xDEAD_BEEF, 0x1234_5678]) {
+            let value = (0..32).filter(|b| i >> b & 1 != 0).fold(0, |v, b| v ^ directions[b]);
+            classes.insert((value >> 30, i & 3 ^ class_of_block(i >> 2)));
+        }
+        assert_eq!(classes.len(), 4, "{classes:?}");
+    }
+
+    /// Whether `points`, as many as a power of two, have one point in every box of the unit square of that power's area.
+    fn boxes_hit_once(points: &[[f32; 3]]) -> bool {
         let n = points.len();
         let bits = n.trailing_zeros();
         (0..=bits).all(|k| {
@@ -226,80 +320,91 @@ mod tests {
         })
     }
 
-    /// The first 2ⁿ points of a replicate, for any n, have one point in every elementary box: a (0,2)-sequence.
+    /// Whether the third numbers of `points` lie in as many intervals.
+    fn third_is_stratified(points: &[[f32; 3]]) -> bool {
+        let mut seen = vec![false; points.len()];
+        points.iter().all(|p| !std::mem::replace(&mut seen[(p[2] * points.len() as f32) as usize], true))
+    }
+
+    /// The first 2ⁿ points of a pixel (four at least), and those of each class, have one point in every elementary box of the first two numbers and one in
+    /// every interval of the third, for sets that are dithered over the picture and for later ones.
     #[test]
-    fn replicates_are_zero_two_sequences() {
-        for seed in 0..20 {
-            for replicate in 0..REPLICATES {
-                let points: Vec<_> = (0..256)
-                    .map(|i| {
-                        PixelSampler::new(seed, [3, 9], i * REPLICATES + replicate)
-                            .bounce(2, BouncePair::Light)
-                    })
-                    .collect();
-                for n in [1, 4, 16, 64, 256] {
-                    assert!(boxes_hit_once(&points[..n]), "seed {seed}, {n} points");
+    fn samples_and_their_classes_are_zero_two_sequences() {
+        let set = BounceSet::Light;
+        for (seed, bounce) in (0..20).flat_map(|seed| [(seed, 0), (seed, 5)]) {
+            let all: Vec<_> =
+                (0..1024).map(|i| PixelSampler::new(seed, [3, 9], i).bounce(bounce, set)).collect();
+            for n in [4, 8, 16, 64, 256, 1024] {
+                assert!(boxes_hit_once(&all[..n]) && third_is_stratified(&all[..n]), "{seed} {bounce}: {n}");
+            }
+            for class in 0..CLASSES as usize {
+                let of_class: Vec<_> = all.iter().skip(class).step_by(CLASSES as usize).copied().collect();
+                for n in [1, 2, 4, 8, 16, 64, 256] {
+                    assert!(boxes_hit_once(&of_class[..n]), "{seed} {bounce}: {n} of class {class}");
                 }
             }
+            // Negative control: every fourth point of another order of the classes has no such order.
+            let other: Vec<_> = all.iter().skip(1).step_by(3).copied().take(256).collect();
+            assert!(!boxes_hit_once(&other));
         }
         // Negative control: independent numbers have no such order.
         let random: Vec<_> =
-            (0..256).map(|i| [2 * i + 1, 2 * i + 2].map(|word| unit(mix(word) as u32))).collect();
-        assert!(!boxes_hit_once(&random));
+            (0..256).map(|i| [3 * i + 1, 3 * i + 2, 3 * i + 3].map(|word| unit(mix(word) as u32))).collect();
+        assert!(!boxes_hit_once(&random) && !third_is_stratified(&random));
     }
 
-    /// Pixels, replicates and dimensions are uncorrelated: the correlation over 4,096 pixels is within 5 σ = 5/√4096. (Pixels are
-    /// correlated in the first two points of a replicate, on purpose.)
+    /// Pixels and dimensions are uncorrelated: the correlation over 4,096 pixels is within 5 σ = 5/√4096. (Neighbours are correlated in
+    /// their first points, on purpose.)
     #[test]
     fn scrambles_are_independent() {
-        let mut sums = [0f64; 4];
+        let mut sums = [0f64; 3];
         for p in 0..4096u32 {
-            let at = |x, s| {
-                f64::from(PixelSampler::new(7, [x, p / 64], s).bounce(0, BouncePair::Scatter)[0]) - 0.5
-            };
+            let at =
+                |x, s| f64::from(PixelSampler::new(7, [x, p / 64], s).bounce(0, BounceSet::Scatter)[0]) - 0.5;
             let other = PixelSampler::new(7, [p % 64, p / 64], 0);
             let here = at(p % 64, 0);
-            sums[0] += at(p % 64, 2 * REPLICATES) * at(p % 64 + 1, 2 * REPLICATES);
-            sums[1] += here * at(p % 64, 1);
-            sums[2] += here * (f64::from(other.bounce(0, BouncePair::Light)[0]) - 0.5);
-            sums[3] += here * (f64::from(other.bounce(0, BouncePair::Scatter)[1]) - 0.5);
+            sums[0] += at(p % 64, 2 * CLASSES) * at(p % 64 + 1, 2 * CLASSES);
+            sums[1] += here * (f64::from(other.bounce(0, BounceSet::Light)[0]) - 0.5);
+            sums[2] += here * (f64::from(other.bounce(0, BounceSet::Scatter)[1]) - 0.5);
         }
         for s in sums {
             assert!((s / 4096.0 * 12.0).abs() < 5.0 / 64.0, "{sums:?}");
         }
     }
 
-    /// Mean square, over blocks of 8 × 8 pixels, of the error of their mean of a function with one sample for each pixel, times the number
-    /// of pixels: 1 for white noise of unit variance.
-    fn coarse_error(sample: u32, pair: impl Fn(&PixelSampler) -> [f32; 2]) -> f64 {
+    /// Mean square, over blocks of 8 × 8 pixels, of the error of their mean of a function with these samples for each pixel, times the
+    /// number of samples: 1 for white noise of unit variance.
+    fn coarse_error(samples: std::ops::Range<u32>, pair: impl Fn(&PixelSampler) -> [f32; 2]) -> f64 {
         // The function is 1 under a hyperbola in a corner of the square; its mean and variance have closed forms.
-        let (mean, variance) = (0.25 * (1.0 + 4f64.ln()), 0.25 * (1.0 + 4f64.ln()));
-        let variance = variance - mean * mean;
+        let mean = 0.25 * (1.0 + 4f64.ln());
+        let variance = mean - mean * mean;
         let f = |[u, v]: [f32; 2]| f64::from(u8::from(f64::from(u) * f64::from(v) < 0.25));
+        let n = 64.0 * f64::from(samples.end - samples.start);
         let blocks = (0..256u32).map(|block| {
             let pixels = (0..64).map(|p| [8 * (block % 16) + p % 8, 8 * (block / 16) + p / 8]);
-            let sum: f64 = pixels.map(|pixel| f(pair(&PixelSampler::new(3, pixel, sample)))).sum();
-            (sum / 64.0 - mean).powi(2)
+            let points =
+                pixels.flat_map(|pixel| samples.clone().map(move |s| PixelSampler::new(3, pixel, s)));
+            let sum: f64 = points.map(|point| f(pair(&point))).sum();
+            (sum / n - mean).powi(2)
         });
-        blocks.sum::<f64>() / 256.0 * 64.0 / variance
+        blocks.sum::<f64>() / 256.0 * n / variance
     }
 
     /// 64 stratified points leave about 8 of 64 cells that the curve crosses, each with less variance than a random point has: a fourth at
-    /// most. For second points only the first digit is chosen: they fall into the other half than the first point, so half of the variance
-    /// disappears. White noise of 256 blocks: 1 ± 0.09, so 5 σ is 0.45.
+    /// most. The second to fourth points are chosen in two digits: 16 cells, of which the curve crosses 5. Their mean is stratified within
+    /// the pixel besides. White noise of 256 blocks: 1 ± 0.09, so 5 σ is 0.45.
     #[test]
     fn the_first_samples_of_neighbours_cancel() {
-        for sample in 0..2 * REPLICATES {
-            let film = coarse_error(sample, PixelSampler::film);
-            let scatter = coarse_error(sample, |s| s.bounce(1, BouncePair::Scatter));
-            let most = if sample < REPLICATES { 0.25 } else { 0.75 };
-            assert!(film < most && scatter < most, "sample {sample}: {film} {scatter}");
+        let set = |bounce| {
+            move |s: &PixelSampler| s.bounce(bounce, BounceSet::Scatter).first_chunk().copied().unwrap()
+        };
+        for samples in [0..1, 1..2, 2..3, 3..4, 0..4] {
+            let film = coarse_error(samples.clone(), PixelSampler::film);
+            let scatter = coarse_error(samples.clone(), set(1));
+            assert!(film < 0.25 && scatter < 0.25, "samples {samples:?}: {film} {scatter}");
         }
         // Negative control: later surfaces and later samples are independent.
-        for error in [
-            coarse_error(0, |s| s.bounce(2, BouncePair::Light)),
-            coarse_error(7 * REPLICATES, |s| s.bounce(0, BouncePair::Scatter)),
-        ] {
+        for error in [coarse_error(0..1, set(2)), coarse_error(28..29, set(0))] {
             assert!((error - 1.0).abs() < 0.45, "{error}");
         }
     }

@@ -228,11 +228,6 @@ Bsdf bsdf_with_specular_normal(Address tables, Material m, vec3 wi, SpecularNorm
     return b;
 }
 
-// Whether a sampled direction depends on the choice of a lobe.
-bool has_two_lobes(Bsdf b) {
-    return b.coat_probability > 0.0 || b.sheen_probability > 0.0 || (b.microfacet_probability > 0.0 && b.microfacet_probability < 1.0) || bsdf_transmits(b);
-}
-
 // Fraction of f, the value of bsdf_eval for wo, that is diffuse: Lambert's and the sheen's. 0 where f is 0.
 vec3 diffuse_share(Bsdf b, vec3 wo, vec3 f) {
     if (wo.z <= 0.0) {

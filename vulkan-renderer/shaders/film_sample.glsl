@@ -259,7 +259,7 @@ void film_sample_add_to(FilmSample t, Address all_sums, uint film_width, uvec2 p
     bool background = (t.kept & KEPT_BACKGROUND) != 0u;
     uint caught_floats = background ? 11u : 8u;
     if (NEEDS_CATCHER != 0u && (t.kept & KEPT_CAUGHT) != 0u) {
-        stride += REPLICATES * caught_floats;
+        stride += CLASSES * caught_floats;
     }
     if (NEEDS_MATTES != 0u) {
         stride += 2u * slots * bitCount(t.kept & (KEPT_LABELS | KEPT_TYPES));
@@ -285,8 +285,8 @@ void film_sample_add_to(FilmSample t, Address all_sums, uint film_width, uvec2 p
         }
     }
     if (NEEDS_CATCHER != 0u && (t.kept & KEPT_CAUGHT) != 0u) {
-        uint here = at + caught_floats * (number % REPLICATES);
-        at += REPLICATES * caught_floats;
+        uint here = at + caught_floats * (number % CLASSES);
+        at += CLASSES * caught_floats;
         put_sum(sums, here, t.caught);
         put_sum(sums, here, t.alone);
         sums.at[here] += t.covered ? 1.0 : 0.0;

@@ -19,8 +19,6 @@
 #include "film_sample.glsl"
 
 const uint FIRST_ROULETTE = 2u;
-// Added to a surface's number for random numbers beyond its pairs.
-const uint FURTHER = 1u << 28;
 const float LEAST_SURVIVAL = 0.05;
 
 const uint MODE_PATH = 0u;
@@ -166,7 +164,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
 
         // Straight through, with probability 1 − alpha.
         if (NEEDS_TRANSPARENT != 0u && mode != MODE_AMBIENT_OCCLUSION && material.alpha < 1.0 &&
-            sampler_bounce(points, number, PAIR_ROULETTE).y >= material.alpha) {
+            sampler_bounce(points, number, SET_SURVIVAL).y >= material.alpha) {
             passed += 1u;
             if (passed > MAX_TRANSPARENT_SURFACES) {
                 return;
@@ -192,7 +190,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             }
             film_sample_write_aovs(film_sample, 0u, vec3[3](vec3(1.0), vec3(0.0), vec3(0.0)), dvec3_to_vec3(frame.normal));
             film_sample.direct_weights = PassWeights(vec3(1.0), false);
-            ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, PAIR_SCATTER)));
+            ray.direction = frame_world(frame, sample_cosine(sampler_bounce(points, 0u, SET_SCATTER).xy));
             if (is_seen_from_within(hit) || f64_le(dvec3_dot(ray.direction, normal), F64_ZERO)) {
                 return;
             }
@@ -232,24 +230,21 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             film_sample_write_aovs(film_sample, 0u, colors, dvec3_to_vec3(frame.normal));
         }
         receiver = Receiver(ray.origin, dvec3_to_vec3(frame.normal), bsdf_transmits(bsdf));
-        float lobe = 0.5;
 
         // Sample a light.
         bool light_in_flight = false;
         DVec3 towards_light = ray.direction;
         f64 light_distance = F64_INFINITY;
         if (sample_lights) {
-            vec2 choice = sampler_bounce(points, number, PAIR_CHOICE);
-            lobe = choice.y;
+            vec3 towards = sampler_bounce(points, number, SET_LIGHT);
             odds = light_odds(scene, lights, receiver);
             float chance, within;
-            uint chosen = choose_light(scene, lights, receiver, odds, choice.x, chance, within);
+            uint chosen = choose_light(scene, lights, receiver, odds, towards.z, chance, within);
             vec2 further = vec2(0.0);
             if (NEEDS_EMITTERS != 0u && chosen + 1u == light_count(lights)) {
-                further = sampler_bounce(points, number | FURTHER, PAIR_CHOICE);
+                further = sampler_bounce(points, number, SET_EMITTER).xy;
             }
-            vec2 towards = sampler_bounce(points, number, PAIR_LIGHT);
-            LightSample light = sample_light(scene, lights, sky, receiver, chosen, chance, within, towards, further);
+            LightSample light = sample_light(scene, lights, sky, receiver, chosen, chance, within, towards.xy, further);
             if (NEEDS_CATCHER != 0u && film_sample.sink == SINK_ALONE && light.found && light.instance != NONE) {
                 light.found = material_table_catches(instance_at(scene, light.instance));
             }
@@ -265,12 +260,11 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
                 towards_light = light.direction;
                 light_distance = light.distance_to;
             }
-        } else if (has_two_lobes(bsdf)) {
-            lobe = sampler_bounce(points, number, PAIR_CHOICE).y;
         }
 
         // Scatter.
-        BsdfSample scattered = bsdf_sample(bsdf, sampler_bounce(points, number, PAIR_SCATTER), lobe);
+        vec3 scatter = sampler_bounce(points, number, SET_SCATTER);
+        BsdfSample scattered = bsdf_sample(bsdf, scatter.xy, scatter.z);
         goes_on = scattered.pdf > 0.0;
         if (goes_on) {
             throughput *= scattered.weight;
@@ -292,7 +286,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             // End by Russian roulette; the weight of surviving paths accounts for the ended ones.
             if (goes_on && scene.it.settings.russian_roulette != 0u && vertex >= FIRST_ROULETTE && most < 1.0) {
                 float survival = max(most, LEAST_SURVIVAL);
-                goes_on = sampler_bounce(points, number, PAIR_ROULETTE).x < survival;
+                goes_on = sampler_bounce(points, number, SET_SURVIVAL).x < survival;
                 throughput /= survival;
             }
         }

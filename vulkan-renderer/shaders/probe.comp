@@ -33,15 +33,14 @@ void probe_f64(uint row) {
 }
 
 void probe_sampler(uint row) {
-    begin(row, 7u, 6u);
+    begin(row, 7u, 7u);
     uint64_t seed = take64();
     uint x = take(), y = take();
     PixelSampler points = sampler_new(seed, uvec2(x, y), take());
     uint bounce = take();
-    vec2 u = sampler_bounce(points, bounce, take());
+    vec3 u = sampler_bounce(points, bounce, take());
     vec2 film = sampler_film(points);
-    put_float(u.x);
-    put_float(u.y);
+    put_vec3(u);
     put_float(film.x);
     put_float(film.y);
     vec2 lens = sampler_lens(points);
@@ -198,7 +197,7 @@ void probe_lights(uint row) {
 }
 
 void probe_bsdf(uint row) {
-    begin(row, 36u, 30u);
+    begin(row, 36u, 29u);
     Material m;
     vec3 base = take_vec3(), tint = take_vec3(), coat_tint = take_vec3(), emission = take_vec3();
     vec3 sheen_tint = take_vec3();
@@ -233,7 +232,6 @@ void probe_bsdf(uint row) {
     put_vec3(s.wo);
     put_vec3(s.weight);
     put_float(s.pdf);
-    put(has_two_lobes(b) ? 1u : 0u);
     put_vec3(sample_cosine(u));
     put_vec3(emitted(tables, m, wi.z));
     put_vec3(diffuse_share(b, wo, f));

@@ -1,6 +1,6 @@
 //! The film on the device, and how many samples it has.
 //!
-//! The sums are those of [`FilmBuffer`]: three floats for each replicate of each pixel, rows from the top, and the sums of render passes. A
+//! The sums are those of [`FilmBuffer`]: three floats for each class of each pixel, rows from the top, and the sums of render passes. A
 //! sampling pass brings every pixel from `spp` samples to `target`, launch by launch. The next call continues a pass that was cancelled, so
 //! each pixel gets each of its samples once and in order, and the picture does not depend on how the pass was divided.
 //!

@@ -9,7 +9,7 @@ use std::path::PathBuf;
 use std::time::{Duration, Instant};
 
 use pumice_core::Job;
-use pumice_picture::film::REPLICATES;
+use pumice_picture::film::CLASSES;
 use pumice_picture::{Image, Picture, film_memory};
 use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer, SeenLabel};
 
@@ -222,7 +222,7 @@ impl Renderer for VulkanRenderer {
 
     fn variance(&mut self) -> Result<Option<Image>, RenderError> {
         let film = self.shown.as_ref().ok_or_else(no_scene)?.film.copy();
-        Ok((film.spp() >= REPLICATES).then(|| film.variance()))
+        Ok((film.spp() >= CLASSES).then(|| film.variance()))
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {

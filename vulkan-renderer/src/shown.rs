@@ -190,7 +190,7 @@ impl Shown {
         let film: &FilmBuffer = self.film.copy();
         let spp = film.spp();
         let picture = Picture {
-            variance: (spp >= pumice_picture::film::REPLICATES).then(|| film.variance()),
+            variance: (spp >= pumice_picture::film::CLASSES).then(|| film.variance()),
             depth: Some(firsts.iter().map(|f| f.depth).collect()),
             label: Some(firsts.iter().map(|f| f.label).collect()),
             instance,

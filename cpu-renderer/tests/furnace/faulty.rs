@@ -6,7 +6,7 @@
 use glam::{DVec3, Vec3};
 use pumice_cpu::Surroundings;
 use pumice_transport::bsdf::Bsdf;
-use pumice_transport::sampler::{BouncePair, PixelSampler};
+use pumice_transport::sampler::{BounceSet, PixelSampler};
 use pumice_transport::sun::frame_around;
 use pumice_transport::{PathOrigin, RayInWorld, Receiver, Tracer};
 
@@ -76,15 +76,10 @@ pub fn radiance(
         let receiver = Receiver { point: origin, normal: normal.as_vec3(), both_sides: false };
 
         let odds = lights.odds(&receiver);
-        let [which, mut lobe] = sampler.bounce(vertex, BouncePair::Choice);
+        let [u, v, which] = sampler.bounce(vertex, BounceSet::Light);
         if lights.samples_lights() {
-            if let Some(light) = lights.sample_light(
-                &receiver,
-                &odds,
-                which,
-                sampler.bounce(vertex, BouncePair::Light),
-                || [0.5; 2],
-            ) && light.direction.dot(normal) > 0.0
+            if let Some(light) = lights.sample_light(&receiver, &odds, which, [u, v], || [0.5; 3])
+                && light.direction.dot(normal) > 0.0
             {
                 let (f_cos, pdf) = bsdf.eval(local(light.direction));
                 let weight = lights.light_mis_weight(light.pdf, pdf * told_in_weights) * aimed;
@@ -94,11 +89,10 @@ pub fn radiance(
                     total += add;
                 }
             }
-        } else if !bsdf.has_two_lobes() {
-            lobe = 0.5;
         }
 
-        let u = sampler.bounce(vertex, BouncePair::Scatter);
+        let [u, v, lobe] = sampler.bounce(vertex, BounceSet::Scatter);
+        let u = [u, v];
         let (wo, weight, pdf) = if even {
             let wo = even_direction(u);
             let pdf = 0.5 * std::f32::consts::FRAC_1_PI;
@@ -113,7 +107,7 @@ pub fn radiance(
             return total;
         }
 
-        let u = sampler.bounce(vertex, BouncePair::Roulette)[0];
+        let u = sampler.bounce(vertex, BounceSet::Survival)[0];
         if fault == Fault::RouletteUnclamped {
             if u >= most {
                 return total;

@@ -7,7 +7,7 @@ pub mod faulty;
 use glam::{DAffine3, DMat3, DVec3, Vec3};
 use pumice_cpu::Surroundings;
 use pumice_picture::Image;
-use pumice_picture::film::REPLICATES;
+use pumice_picture::film::CLASSES;
 use pumice_scene::{Camera, Film, Filter, Material, Projection, Settings};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::sampler::PixelSampler;
@@ -89,21 +89,21 @@ impl Furnace {
         radiance(&self.dense, &self.around, &sampler, ray, t_max)
     }
 
-    /// The mean of `radiance`; its error follows from the replicates, which are independent.
+    /// The mean of `radiance`; its error follows from the classes, and is a little too large (see `pumice_picture::film`).
     pub fn mean(&self, radiance: &Radiance<'_>) -> Mean {
         let pixels = self.pixels();
-        let sums: Vec<[f64; REPLICATES as usize]> = pixels
+        let sums: Vec<[f64; CLASSES as usize]> = pixels
             .par_iter()
             .map(|&pixel| {
-                let mut sums = [0.0; REPLICATES as usize];
+                let mut sums = [0.0; CLASSES as usize];
                 for s in 0..self.spp {
-                    sums[(s % REPLICATES) as usize] += f64::from(self.sample(radiance, pixel, s).x);
+                    sums[(s % CLASSES) as usize] += f64::from(self.sample(radiance, pixel, s).x);
                 }
                 sums
             })
             .collect();
-        assert_eq!(self.spp % REPLICATES, 0);
-        let (n, r) = (pixels.len() as f64, f64::from(REPLICATES));
+        assert_eq!(self.spp % CLASSES, 0);
+        let (n, r) = (pixels.len() as f64, f64::from(CLASSES));
         let (mut value, mut variance) = (0.0, 0.0);
         for of_pixel in sums.iter().map(|s| s.map(|x| x * r / f64::from(self.spp))) {
             let mean = of_pixel.iter().sum::<f64>() / r;

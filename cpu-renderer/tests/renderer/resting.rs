@@ -83,7 +83,7 @@ fn a_picture_without_noise_is_done_at_the_first_look() {
     still.world.environment = Environment::Constant { radiance: [0.0; 3] };
     still.camera.world_from_camera.translation = DVec3::new(3.0, 3.0, 20.0);
     still.camera.projection = pumice_scene::Projection::Orthographic { scale: 3.0 };
-    // Six is no multiple of the number of replicates: eight.
+    // Six is no multiple of the number of classes: eight.
     still.settings.adaptive = Some(Adaptive { threshold: 1e-3, min_spp: 6 });
     renderer.set_scene(&LoadedScene::new(still.clone(), vec![volume()], vec![]).unwrap()).unwrap();
     let (progress, _) = draw!(renderer, Duration::from_millis(30), MOST);

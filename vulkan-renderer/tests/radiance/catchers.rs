@@ -3,7 +3,7 @@
 use std::sync::Arc;
 
 use pumice_core::Job;
-use pumice_picture::film::REPLICATES;
+use pumice_picture::film::CLASSES;
 use pumice_picture::{FilmBuffer, Pass};
 use pumice_transport::MaterialTable;
 
@@ -11,7 +11,7 @@ use crate::paths;
 use crate::samples::{asked, found, tolerance};
 use crate::scenes::{Case, catching};
 
-const SPP: u32 = 2 * REPLICATES;
+const SPP: u32 = 2 * CLASSES;
 
 fn cpu_film(case: &Case) -> FilmBuffer {
     let mut tracer = case.path_tracer();

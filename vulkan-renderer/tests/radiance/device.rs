@@ -3,7 +3,7 @@
 use std::cell::RefCell;
 
 use glam::Vec3;
-use pumice_picture::film::{REPLICATES, STRIDE};
+use pumice_picture::film::{CLASSES, STRIDE};
 use pumice_transport::FilterTable;
 use pumice_transport::bsdf::tables::TABLES;
 use pumice_transport::camera_rays::CameraRays;
@@ -147,14 +147,14 @@ impl Front {
         (target.read(floats), passes.read(floats_of_passes))
     }
 
-    /// Radiance of the samples of every pixel, numbered from 0 to below `spp`: what a film of as many replicates holds of each.
+    /// Radiance of the samples of every pixel, numbered from 0 to below `spp`: what a film of as many classes holds of each.
     pub(crate) fn radiances(&self, case: &Case, spp: u32) -> Vec<Vec3> {
         let scene = OnDevice::new(&self.gpu, case);
         let (width, height) = (case.film.width, case.film.height);
         let pixels = (width * height) as usize;
         let mut found = vec![Vec3::ZERO; pixels * spp as usize];
-        for first_sample in (0..spp).step_by(REPLICATES as usize) {
-            let samples = REPLICATES.min(spp - first_sample);
+        for first_sample in (0..spp).step_by(CLASSES as usize) {
+            let samples = CLASSES.min(spp - first_sample);
             let target = self.gpu.buffer(4 * pixels * STRIDE);
             let output = target.address;
             let launch = Launch { scene: scene.address, output, first_sample, samples, ..Launch::default() };

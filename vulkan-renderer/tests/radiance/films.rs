@@ -1,7 +1,7 @@
 //! Tests the entry points that a renderer launches, on each backend: films and first surfaces.
 
 use pumice_core::Job;
-use pumice_picture::film::REPLICATES;
+use pumice_picture::film::CLASSES;
 use pumice_picture::metrics::Variance;
 use pumice_picture::metrics::significance::significance;
 use pumice_picture::{FilmBuffer, Pass};
@@ -15,8 +15,8 @@ use crate::paths;
 use crate::samples::{asked, found, tolerance};
 use crate::scenes::{Case, cases};
 
-/// Samples a pixel: each replicate gets two of them.
-const SPP: u32 = 2 * REPLICATES;
+/// Samples a pixel: each class gets two of them.
+const SPP: u32 = 2 * CLASSES;
 
 /// One scene for each thing that the backends do differently: many boxes, several instances, levels of detail; and one scene that has all
 /// lights and surfaces.
@@ -63,7 +63,7 @@ fn parted(case: &Case, sums: &[f32], expected: &[f32]) -> (usize, f64) {
         let scale = a.iter().chain(b).copied().fold(1e-6, f32::max);
         a.iter().zip(b).any(|(a, b)| (a - b).abs() > tolerance * scale)
     };
-    // Three colours of a replicate: a path that parts shows in at least one of them.
+    // Three colours of a class: a path that parts shows in at least one of them.
     let parted = sums.chunks(3).zip(expected.chunks(3)).filter(|&pair| differ(pair)).count();
     let mean: f64 = found.iter().map(|f| f.parting.min(1.0)).sum();
     (parted, mean + 5.0 * mean.sqrt() + 3.0)
@@ -88,7 +88,7 @@ fn films_are_the_cpus_and_alike_on_the_days_backends() {
         other.around.settings.seed += 1;
         let (a, b) = (film_of(&case, &first), cpu_film(&other));
         let [variance_a, variance_b] = [a.variance(), b.variance()];
-        let of = |of_mean| Variance { of_mean, degrees_of_freedom: f64::from(REPLICATES - 1) };
+        let of = |of_mean| Variance { of_mean, degrees_of_freedom: f64::from(CLASSES - 1) };
         let welch = significance(&a.mean(), &b.mean(), of(&variance_a), of(&variance_b));
         assert_eq!(welch.rejected, 0, "{}: {welch:?}", case.name);
         let errors = welch.mean_difference_in_standard_errors;

@@ -210,7 +210,7 @@ fn emitters_are_the_same() {
         let odds = lights.odds(from);
         close(r.float(), lights.emission_weight(&tracer, from, &odds, &hit, hit.t, choice), 1e-3, "weight");
         let aimed =
-            lights.sample_light(from, &odds, choice, [c, d], || [a, b]).and_then(|s| s.pdf).unwrap_or(0.0);
+            lights.sample_light(from, &odds, choice, [c, d], || [a, b, 0.0]).and_then(|s| s.pdf).unwrap_or(0.0);
         let got = r.float();
         parted += usize::from((got - aimed).abs() > 1e-3 * aimed);
     }

@@ -310,7 +310,7 @@ fn chosen_lights_are_the_same() {
         for (&(choice, u, d, pdf, down, ref from, limit), row) in inputs.iter().zip(answers) {
             let mut r = Reader(&row);
             let odds = lights.odds(from);
-            let sampled = lights.sample_light(from, &odds, choice, u, || [0.0; 2]);
+            let sampled = lights.sample_light(from, &odds, choice, u, || [0.0; 3]);
             let found = r.word() != 0;
             if found != sampled.is_some() {
                 // The rim of a lamp.

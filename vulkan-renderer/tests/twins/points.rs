@@ -2,14 +2,13 @@
 
 use pumice_scene::Filter;
 use pumice_transport::FilterTable;
-use pumice_transport::sampler::{BouncePair, PixelSampler};
+use pumice_transport::sampler::{BounceSet, PixelSampler};
 use pumice_vulkan::layout;
 
 use super::gpu::Gpu;
 use super::words::{Random, Row};
 
-const PAIRS: [BouncePair; 4] =
-    [BouncePair::Light, BouncePair::Scatter, BouncePair::Choice, BouncePair::Roulette];
+const SETS: [BounceSet; 4] = [BounceSet::Light, BounceSet::Scatter, BounceSet::Survival, BounceSet::Emitter];
 
 #[test]
 fn sample_points_are_the_same() {
@@ -24,17 +23,17 @@ fn sample_points_are_the_same() {
         .collect();
     let rows: Vec<_> = inputs
         .iter()
-        .map(|&(seed, p, s, b, pair)| {
-            Row::default().long(seed).word(p[0]).word(p[1]).word(s).word(b).word(pair).0
+        .map(|&(seed, p, s, b, set)| {
+            Row::default().long(seed).word(p[0]).word(p[1]).word(s).word(b).word(set).0
         })
         .collect();
-    let out = Gpu::new().probe(false, 1, 0, &rows, 6);
-    for (&(seed, p, s, b, pair), row) in inputs.iter().zip(&out) {
+    let out = Gpu::new().probe(false, 1, 0, &rows, 7);
+    for (&(seed, p, s, b, set), row) in inputs.iter().zip(&out) {
         let points = PixelSampler::new(seed, p, s);
-        let pairs = [points.bounce(b, PAIRS[pair as usize]), points.film(), points.lens()];
+        let numbers = [&points.bounce(b, SETS[set as usize])[..], &points.film(), &points.lens()];
         assert_eq!(
             row,
-            &pairs.as_flattened().iter().map(|u| u.to_bits()).collect::<Vec<_>>(),
+            &numbers.concat().iter().map(|u| u.to_bits()).collect::<Vec<_>>(),
             "seed {seed}, pixel {p:?}, sample {s}, bounce {b}"
         );
     }

@@ -155,7 +155,7 @@ fn surfaces_scatter_alike() {
     let rows: Vec<_> = inputs.iter().map(Input::row).collect();
     let (mut specular, mut lost, mut below, mut mirrors, mut compared, mut other) = (0, 0, 0, 0, 0, 0);
     let (mut shared, mut fibrous) = (0, 0);
-    for (input, row) in inputs.iter().zip(gpu.probe(false, 9, scene.address, &rows, 30)) {
+    for (input, row) in inputs.iter().zip(gpu.probe(false, 9, scene.address, &rows, 29)) {
         let Input { m, inside, wi, wo, u, choice } = input;
         let bsdf = Bsdf::new(m, *wi, *inside);
         let what = || format!("{m:?} inside {inside} wi {wi} wo {wo} u {u:?} choice {choice}");
@@ -243,7 +243,6 @@ fn surfaces_scatter_alike() {
                 }
             }
         }
-        assert_eq!(r.word() != 0, bsdf.has_two_lobes(), "{}", what());
         let cosine = Vec3::new(r.float(), r.float(), r.float());
         assert!((cosine - sample_cosine(*u)).length() < 2f32.powi(-21), "{u:?}: {cosine}");
         for e in emitted(m, wi.z).to_array() {
