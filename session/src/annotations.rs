@@ -439,7 +439,7 @@ mod tests {
         info.world_from_index = DAffine3::from_scale(DVec3::new(0.5, 0.25, 2.0));
         let note = |id, name: &str| LabelNote { id, name: Some(name.into()), color_srgb: None };
         info.notes = vec![note(8, "a\nb"), note(9, ""), note(20, "twenty")];
-        let named = compress_labels(info, LabelBuffer::U8(vec![20, 20, 20, 20, 20, 8, 8, 8, 9])).unwrap();
+        let named = compress_labels(info, LabelBuffer::U8(vec![20, 20, 20, 20, 20, 8, 8, 9, 0])).unwrap();
         let mut two = scene(PARALLEL);
         let mut second = two.instances[0].clone();
         second.id = 5;
@@ -450,9 +450,9 @@ mod tests {
         let volumes = vec![volume(Unit::Micrometre), Arc::new(named)];
         let (rows, more) = legend_rows(&LoadedScene::new(two, volumes, vec![]).unwrap(), 9).unwrap();
         let found: Vec<_> = rows.iter().map(|row| (row.name.as_str(), row.color)).collect();
-        // By voxels: 5, 4, 3, 2, 2, 1, 1; of as many, the first volume's before the second's.
+        // By voxels: 5, 4, 2, 2, 2, 1, 1; of as many, the first volume's before the second's.
         let expected =
-            [("twenty", blue), ("20", red), ("a\\nb", blue), ("8", red), ("9", red), ("3", red), ("9", blue)];
+            [("twenty", blue), ("20", red), ("8", red), ("9", red), ("a\\nb", blue), ("3", red), ("9", blue)];
         assert_eq!((found.as_slice(), more), (&expected[..], 0));
     }
 

@@ -152,7 +152,9 @@ mod tests {
     fn a_cut_name_is_as_long_as_fits_and_ends_in_an_ellipsis() {
         let name = "right hippocampus, anterior part and what lies beside it";
         let whole = text::width_of(name, 30.0).unwrap();
-        for room in [80.0, 200.0, 333.0, whole - 0.01] {
+        // Also one in which the longest beginning ends in a space.
+        let to_space = text::width_of("right …", 30.0).unwrap();
+        for room in [80.0, to_space, 200.0, 333.0, whole - 0.01] {
             let fits = |cut: &String| text::width_of(cut, 30.0).unwrap() <= room;
             let cuts = name.char_indices().skip(1).map(|(at, _)| format!("{}…", name[..at].trim_end()));
             let expected = cuts.filter(fits).last();

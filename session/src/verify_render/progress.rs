@@ -1,8 +1,8 @@
 //! How far a comparison is, as a line for people.
 //!
 //! ```text
-//! 11 of 16 pictures of each; at 8: mean within 0.34 % of 0.2 %, 212 of 1200 tiles and channels open; 95 s left
-//! └ until the next look ───┘ └ what the last look found, against what is needed ──────────────────┘ └ to --time
+//! 11 of 16 pictures of each; at 8: means within 0.34 % (needed 0.2 %), 212 of 1200 tiles and channels open; 95 s left
+//! └ until the next look ───┘ └ what the last look found, against what is needed ────────────────────────┘ └ to --time
 //! ```
 
 use std::fmt;
@@ -60,7 +60,7 @@ impl fmt::Display for VerifyProgress {
             let percent = |share: f64| 100.0 * share;
             write!(
                 f,
-                "; at {}: mean within {:.2} % of {:.1} %, {} of {} tiles and channels open",
+                "; at {}: means within {:.2} % (needed {:.1} %), {} of {} tiles and channels open",
                 look.pictures,
                 percent(look.mean_within),
                 percent(look.mean_margin),
@@ -100,8 +100,8 @@ mod tests {
         assert_eq!(progress.to_string(), "3 of 8 pictures of each; 95 s left");
         let look = LastLook { pictures: 8, mean_within: 0.0034, mean_margin: 0.002, open: 212, tests: 1200 };
         (progress.pictures, progress.next_look, progress.last_look) = (11, 16, Some(look));
-        let expected = "11 of 16 pictures of each; at 8: mean within 0.34 % of 0.2 %, 212 of 1200 tiles and channels \
-                        open; 95 s left";
+        let expected = "11 of 16 pictures of each; at 8: means within 0.34 % (needed 0.2 %), 212 of 1200 tiles and \
+                        channels open; 95 s left";
         assert_eq!(progress.to_string(), expected);
     }
 
