@@ -131,6 +131,9 @@ mod tests {
         written(&path, "two sky");
         let (second, 2) = hash(&path) else { panic!("the changed file was not read") };
         written(&other, "six sky");
+        // The other file is even of the same age.
+        let modified = std::fs::metadata(&path).unwrap().modified().unwrap();
+        std::fs::File::options().write(true).open(&other).unwrap().set_modified(modified).unwrap();
         std::fs::rename(&other, &path).unwrap();
         let (third, 3) = hash(&path) else { panic!("the other file was not read") };
         assert!(first != second && second != third && third != first);
