@@ -39,6 +39,13 @@ impl Table {
         table
     }
 
+    /// A table with these columns; each row has as many cells.
+    pub(crate) fn new(columns: &[&'static str], rows: impl IntoIterator<Item = Vec<String>>) -> Self {
+        let table = Self { columns: columns.to_vec(), rows: rows.into_iter().collect() };
+        debug_assert!(table.rows.iter().all(|row| row.len() == table.columns.len()));
+        table
+    }
+
     /// The table in Markdown.
     pub fn markdown(&self) -> String {
         let line = |cells: Vec<&str>| format!("| {} |\n", cells.join(" | "));

@@ -25,7 +25,7 @@ def instance(number, folder, labels, move, materials, scale=1.0, show="all"):
     return {"id": number, "source": name, "reading": {"axes": "xyz"}, "world_from_index": matrix, "style": style}
 
 
-def scene(instances):
+def scene(instances, cuts=()):
     """The instances from obliquely above, in even light; they stand about (0, 0, 0)."""
     back = np.array([0.5, -0.8, 0.45])
     back /= np.linalg.norm(back)
@@ -39,6 +39,7 @@ def scene(instances):
         "film": {"width": 48, "height": 32, "filter": {"box": {"width": 1.0}}},
         "world": {"environment": {"constant": {"radiance": [0.5, 0.7, 1.0]}}},
         "settings": {"bounces": 16},
+        "cuts": list(cuts),
     }
 
 
@@ -84,12 +85,17 @@ def packed(folder):
     ]
 
 
-def verdict(command, folder, instances, control=None):
+# Removes the nearer third, through voxels, so that each body ends in a cap that meets the cap of the other.
+NEARER = {"shape": {"plane": {"point": [0.0, -0.6, 0.0], "normal": [0.25, -1.0, 0.15]}}}
+
+
+def verdict(command, folder, instances, control=None, cuts=(), control_cuts=None):
     """(verdict, exit code, what the command said) of Pumice's picture of these instances against that of Cycles."""
     wishes = []
-    for name, made in (("scene", instances), ("control", control)):
+    cuts_of_control = cuts if control_cuts is None else control_cuts
+    for name, made, removed in (("scene", instances, cuts), ("control", control, cuts_of_control)):
         if made is not None:
-            (folder / f"{name}.json").write_text(json.dumps(scene(made)))
+            (folder / f"{name}.json").write_text(json.dumps(scene(made, removed)))
     if control is not None:
         wishes = ["--control", folder / "control.json"]
     report = folder / "report.json"
@@ -106,6 +112,43 @@ def verdict(command, folder, instances, control=None):
 def test_instances_that_touch_agree(pumice_command, tmp_path, made):
     found = verdict(pumice_command, tmp_path, made(tmp_path))
     assert found[:2] == ("agrees", 0), found
+
+
+def apart(instances):
+    """The second body a 512th of a voxel aside, as Cycles gets faces that touch where no cut divides them."""
+    instances[1]["world_from_index"][9] += 2.0**-9
+
+
+@pytest.mark.full
+def test_a_cut_through_opaque_bodies_that_touch_agrees(pumice_command, tmp_path):
+    """Both bodies end in caps in one plane, side by side."""
+    found = verdict(pumice_command, tmp_path, opaque(tmp_path), cuts=[NEARER])
+    assert found[:2] == ("agrees", 0), found
+
+
+@pytest.mark.full
+def test_a_cut_through_glass_that_touches_agrees_where_no_faces_are_in_one_place(pumice_command, tmp_path):
+    """Pumice draws the bodies that touch, Cycles the same with a gap that no eye sees, and so none of its faces are in one place."""
+    gapped = json.loads(json.dumps(glass_and_opaque(tmp_path)))
+    apart(gapped)
+    found = verdict(pumice_command, tmp_path, glass_and_opaque(tmp_path), gapped, [NEARER])
+    assert found[:2] == ("agrees", 0), found
+
+
+@pytest.mark.full
+def test_faces_that_a_cut_leaves_in_one_place_differ_and_are_not_judged(pumice_command, tmp_path):
+    """The control of the test above: Cycles passes one of the two faces."""
+    found = verdict(pumice_command, tmp_path, glass_and_opaque(tmp_path), cuts=[NEARER])
+    assert found[:2] == ("cannot_tell", 2), found
+    assert "planes in which faces of two volumes lie, where a cut passes" in found[2]
+    assert "Otherwise it would be: Differs" in found[2]
+
+
+@pytest.mark.full
+def test_a_cut_through_one_of_two_bodies_differs_from_one_through_both(pumice_command, tmp_path):
+    made = opaque(tmp_path)
+    found = verdict(pumice_command, tmp_path, made, made, [NEARER], [NEARER | {"instances": [1]}])
+    assert found[:2] == ("differs", 1), found
 
 
 def swapped(instances):

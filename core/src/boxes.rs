@@ -11,7 +11,8 @@
 //! cuts lie between cells, so no cell is ever divided and boxes of one label cannot overlap.
 
 use crate::cell::{BOX_CELLS, Cell, SOLID};
-use crate::morton;
+use crate::reserve::make_room;
+use crate::{NoMemory, morton};
 
 /// A box with its contents, before nodes are shared.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -46,13 +47,27 @@ pub(crate) struct RawBoxes {
 
 impl RawBoxes {
     /// Appends the boxes and fields of `other`.
-    pub(crate) fn append(&mut self, other: RawBoxes) {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(crate) fn append(&mut self, other: RawBoxes) -> Result<(), NoMemory> {
         let shift = self.fields.len();
+        self.make_room(other.boxes.len(), other.fields.len())?;
         self.fields.extend_from_slice(&other.fields);
         self.boxes
             .extend(other.boxes.into_iter().map(|b| RawBox { first_field: b.first_field + shift, ..b }));
+        Ok(())
+    }
+
+    /// Makes room for more boxes and fields.
+    fn make_room(&mut self, boxes: usize, fields: usize) -> Result<(), NoMemory> {
+        make_room(&mut self.boxes, boxes, BOXES)?;
+        make_room(&mut self.fields, fields, BOXES)
     }
 }
+
+/// What memory is for, in errors.
+pub(crate) const BOXES: &str = "a list of the boxes of the volume";
 
 /// A region of fewer cells, which takes some 100 µs, is not worth a task of its own.
 const PARALLEL_CELLS: usize = 1 << 15;
@@ -67,17 +82,20 @@ fn coordinate(packed: u64, axis: usize) -> u32 {
 }
 
 /// Appends the boxes of one label to `out`, using `cells` as scratch space. The order of the boxes depends only on the cells.
-pub(crate) fn split_label(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
+///
+/// # Errors
+/// [`NoMemory`].
+pub(crate) fn split_label(label: u32, cells: &mut [Cell], out: &mut RawBoxes) -> Result<(), NoMemory> {
     for cell in cells.iter_mut() {
         let [x, y, z] = morton::decode(cell.key).map(u64::from);
         cell.key = x | y << AXIS | z << (2 * AXIS);
     }
-    split(label, cells, out);
+    split(label, cells, out)
 }
 
-fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
+fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) -> Result<(), NoMemory> {
     if cells.is_empty() {
-        return;
+        return Ok(());
     }
     // Tighten to the cells that remain.
     let (mut low, mut high) = ([u32::MAX; 3], [0; 3]);
@@ -103,11 +121,13 @@ fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) {
     let (lower, upper) = cells.split_at_mut(middle);
     if lower.len().min(upper.len()) > PARALLEL_CELLS {
         let mut right = RawBoxes::default();
-        rayon::join(|| split(label, lower, out), || split(label, upper, &mut right));
-        out.append(right);
+        let (of_lower, of_upper) =
+            rayon::join(|| split(label, lower, out), || split(label, upper, &mut right));
+        of_lower.and(of_upper)?;
+        out.append(right)
     } else {
-        split(label, lower, out);
-        split(label, upper, out);
+        split(label, lower, out)?;
+        split(label, upper, out)
     }
 }
 
@@ -123,7 +143,13 @@ fn partition(cells: &mut [Cell], is_lower: impl Fn(&Cell) -> bool) -> usize {
     lower
 }
 
-fn emit(label: u32, cells: &[Cell], low: [u32; 3], extent: [u32; 3], out: &mut RawBoxes) {
+fn emit(
+    label: u32,
+    cells: &[Cell],
+    low: [u32; 3],
+    extent: [u32; 3],
+    out: &mut RawBoxes,
+) -> Result<(), NoMemory> {
     let mut fields = [0u64; 64];
     let (mut occupied, mut solid) = (0u64, 0u64);
     for cell in cells {
@@ -135,6 +161,7 @@ fn emit(label: u32, cells: &[Cell], low: [u32; 3], extent: [u32; 3], out: &mut R
     }
     let first_field = out.fields.len();
     let mut mixed = occupied & !solid;
+    out.make_room(1, mixed.count_ones() as usize)?;
     while mixed != 0 {
         out.fields.push(fields[mixed.trailing_zeros() as usize]);
         mixed &= mixed - 1;
@@ -147,4 +174,5 @@ fn emit(label: u32, cells: &[Cell], low: [u32; 3], extent: [u32; 3], out: &mut R
         solid,
         first_field,
     });
+    Ok(())
 }

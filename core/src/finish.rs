@@ -15,11 +15,13 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::boxes::{RawBox, RawBoxes, split_label};
+use crate::boxes::{BOXES, RawBox, RawBoxes, split_label};
 use crate::cell::Cell;
 use crate::leaves::{LeafIndex, Leaves};
 use crate::node::{node_words, write_node};
-use crate::reserve::check_room;
+use crate::reserve::{
+    check_room, collected, collected_by_threads, make_room, make_room_in_map, reserved, zeroed,
+};
 use crate::sorted_cells::Run;
 use crate::store::StoredParts;
 use crate::volume::CHUNK_CELLS;
@@ -33,6 +35,9 @@ const TASK_CELLS: usize = 1 << 15;
 /// How far back, in words, a chunk may share nodes of earlier chunks. Its boxes refer to nodes by 32 bits from the chunk's base, and need
 /// room for their own nodes; a node before the window is written again.
 const SHARING_WINDOW_WORDS: u64 = 1 << 31;
+
+/// What memory is for, in errors.
+const NODES: &str = "the nodes of the volume";
 
 /// Limits on what finishing may use.
 pub(crate) struct Budget {
@@ -142,7 +147,7 @@ pub(crate) fn boxes_of_parts(
                 table.ids.push(same_id[0].id);
                 table.voxels.push(cells.iter().map(|c| u64::from(c.mask.count_ones())).sum());
                 let before = (boxes.boxes.len() as u64, boxes.fields.len() as u64);
-                split_label(first_label + i as u32, &mut cells, &mut boxes);
+                split_label(first_label + i as u32, &mut cells, &mut boxes)?;
                 boxes_so_far.fetch_add(boxes.boxes.len() as u64 - before.0, Relaxed);
                 fields_so_far.fetch_add(boxes.fields.len() as u64 - before.1, Relaxed);
                 if fits().is_err() {
@@ -157,12 +162,14 @@ pub(crate) fn boxes_of_parts(
         .collect();
     fits()?;
 
-    let (mut all, mut table) = (RawBoxes::default(), LabelTable::default());
-    all.boxes.reserve_exact(boxes_so_far.load(Relaxed) as usize);
-    all.fields.reserve_exact(fields_so_far.load(Relaxed) as usize);
+    let mut all = RawBoxes {
+        boxes: reserved(boxes_so_far.load(Relaxed) as usize, BOXES)?,
+        fields: reserved(fields_so_far.load(Relaxed) as usize, NODES)?,
+    };
+    let mut table = LabelTable::default();
     for result in results {
         let (boxes, labels) = result?;
-        all.append(boxes);
+        all.append(boxes)?;
         table.ids.extend(labels.ids);
         table.voxels.extend(labels.voxels);
     }
@@ -204,19 +211,18 @@ fn finish_with_window(
 
     // Find the distinct contents, in order of first use, and the contents of each box.
     job.check()?;
-    let hashes: Vec<u128> = boxes
-        .par_iter()
-        .map(|b| {
-            let mut hash = Xxh3::new();
-            hash.update(bytemuck::bytes_of(&[b.occupied, b.solid]));
-            hash.update(bytemuck::cast_slice(fields_of(b)));
-            hash.digest128()
-        })
-        .collect();
+    let hash_of = |b: &RawBox| {
+        let mut hash = Xxh3::new();
+        hash.update(bytemuck::bytes_of(&[b.occupied, b.solid]));
+        hash.update(bytemuck::cast_slice(fields_of(b)));
+        hash.digest128()
+    };
+    let hashes: Vec<u128> = collected_by_threads(boxes.par_iter().map(hash_of), BOXES)?;
     let mut first_with: FxHashMap<u128, u32> = FxHashMap::default();
     let mut distinct: Vec<u32> = Vec::new();
-    let mut distinct_of_box: Vec<u32> = Vec::with_capacity(boxes.len());
+    let mut distinct_of_box: Vec<u32> = reserved(boxes.len(), BOXES)?;
     for (i, (b, hash)) in boxes.iter().zip(&hashes).enumerate() {
+        make_room_in_map(&mut first_with, NODES)?;
         let d = *first_with.entry(*hash).or_insert(distinct.len() as u32);
         let same = distinct.get(d as usize).is_some_and(|&other| {
             let o = &boxes[other as usize];
@@ -225,6 +231,7 @@ fn finish_with_window(
         // The contents are new; or two contents have the same 128-bit hash, which has never been seen. Then the later one is not shared.
         distinct_of_box.push(if same { d } else { distinct.len() as u32 });
         if !same {
+            make_room(&mut distinct, 1, NODES)?;
             distinct.push(i as u32);
         }
     }
@@ -232,23 +239,23 @@ fn finish_with_window(
 
     // Choose the leaves of the distinct nodes.
     job.check()?;
-    let uses = distinct.iter().flat_map(|&i| fields_of(&boxes[i as usize])).copied().collect();
-    let leaves = Leaves::of_fields(uses);
+    let count = distinct.iter().map(|&i| boxes[i as usize].fields()).sum();
+    let uses = distinct.iter().flat_map(|&i| fields_of(&boxes[i as usize])).copied();
+    let leaves = Leaves::of_fields(collected(count, uses, NODES)?)?;
     let index = LeafIndex::new(&leaves);
-    let sizes: Vec<u16> = distinct
-        .par_iter()
-        .map(|&i| {
-            let b = &boxes[i as usize];
-            // At most MOST_NODE_WORDS.
-            node_words(b.occupied, fields_of(b), &index) as u16
-        })
-        .collect();
+    let size_of_node = |&i: &u32| {
+        let b = &boxes[i as usize];
+        // At most MOST_NODE_WORDS.
+        node_words(b.occupied, fields_of(b), &index) as u16
+    };
+    let sizes: Vec<u16> = collected_by_threads(distinct.par_iter().map(size_of_node), NODES)?;
 
     // Assign an offset to each node, chunk by chunk, and write records and runs.
     job.check()?;
     let mut volume = CompressedVolume::empty(info);
-    let mut records = Vec::with_capacity(boxes.len());
-    let mut place: Vec<Option<u64>> = vec![None; distinct.len()];
+    let mut records = reserved(boxes.len(), BOXES)?;
+    let mut place: Vec<Option<u64>> =
+        collected(distinct.len(), std::iter::repeat_n(None, distinct.len()), NODES)?;
     let mut writes: Vec<u32> = Vec::new();
     let mut words = 0u64;
     for in_chunk in boxes.chunk_by(|a, b| rank(a).0 == rank(b).0) {
@@ -272,6 +279,7 @@ fn finish_with_window(
                     let at = words;
                     words += u64::from(sizes[d as usize]);
                     place[d as usize] = Some(at);
+                    make_room(&mut writes, 1, NODES)?;
                     writes.push(d);
                     at
                 }
@@ -290,7 +298,7 @@ fn finish_with_window(
     volume.boxes = records.into();
 
     // Write the nodes in parallel, each group of nodes into its own piece of the array.
-    let mut nodes = vec![0u16; words as usize];
+    let mut nodes: Vec<u16> = zeroed(words as usize, NODES)?;
     let mut pieces = Vec::new();
     let mut rest = nodes.as_mut_slice();
     for group in writes.chunks(4096) {

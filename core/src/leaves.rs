@@ -30,6 +30,9 @@
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
+use crate::NoMemory;
+use crate::reserve::{collected, make_room};
+
 /// Largest number of patterns: a reference has 13 bits beside those for mirroring.
 pub const MAX_PATTERNS: usize = 1 << 13;
 
@@ -102,6 +105,9 @@ fn slices_of(field: u64) -> [u16; 4] {
     [0, 16, 32, 48].map(|s| (field >> s) as u16)
 }
 
+/// What memory is for, in errors.
+const FIELDS: &str = "a list of the distinct fields of a volume";
+
 /// The first `most` keys, by falling weight, then by rising key.
 fn heaviest<K: Copy + Ord + Send>(mut weighed: Vec<(u64, K)>, most: usize) -> Vec<K> {
     let rank = |&(weight, key): &(u64, K)| (std::cmp::Reverse(weight), key);
@@ -120,6 +126,17 @@ struct Counted {
     pattern: u64,
     field: u64,
     uses: u64,
+}
+
+/// The patterns of greatest weight, of those that weigh more than they take. A pattern weighs what its fields weigh; fields of one pattern
+/// are neighbours in `counted`.
+fn heaviest_patterns(counted: &[Counted], weight: impl Fn(&Counted) -> u64) -> Result<Vec<u64>, NoMemory> {
+    let images = counted.chunk_by(|a, b| a.pattern == b.pattern);
+    let weighed = || {
+        let all = images.clone().map(|same| (same.iter().map(&weight).sum::<u64>(), same[0].pattern));
+        all.filter(|&(n, _)| n > WORDS_OF_PATTERN)
+    };
+    Ok(heaviest(collected(weighed().count(), weighed(), FIELDS)?, MAX_PATTERNS))
 }
 
 /// Number of each slice in the table; `u16::MAX` where a slice is not in it.
@@ -147,17 +164,19 @@ impl Leaves {
     /// that occur at most twice are left out (a use saves half a word, and a slice takes one). Then come the patterns, by the words that
     /// each saves; one that saves no more than its own 4 words is left out. The result has up to [`MAX_SLICES`] slices or up to
     /// [`SHORT_SLICES`], whichever takes fewer words in all.
-    pub(crate) fn of_fields(mut uses: Vec<u64>) -> Self {
+    ///
+    /// # Errors
+    /// [`NoMemory`], where there is too little for the lists of distinct fields.
+    pub(crate) fn of_fields(mut uses: Vec<u64>) -> Result<Self, NoMemory> {
         uses.par_sort_unstable();
         let count = |same: &[u64]| Counted { pattern: 0, field: same[0], uses: same.len() as u64 };
-        let mut counted: Vec<Counted> = uses.chunk_by(|a, b| a == b).map(count).collect();
+        let distinct = || uses.chunk_by(|a, b| a == b);
+        let mut counted: Vec<Counted> = collected(distinct().count(), distinct().map(count), FIELDS)?;
         drop(uses);
         counted.par_iter_mut().for_each(|c| c.pattern = least_image(c.field));
         counted.par_sort_unstable();
 
-        let images = counted.chunk_by(|a, b| a.pattern == b.pattern);
-        let used = images.map(|same| (same.iter().map(|c| c.uses).sum::<u64>(), same[0].pattern));
-        let mut often = heaviest(used.filter(|&(n, _)| n > WORDS_OF_PATTERN).collect(), MAX_PATTERNS);
+        let mut often = heaviest_patterns(&counted, |c| c.uses)?;
         often.sort_unstable();
         let mut slice_uses = vec![0u64; 1 << 16];
         for c in counted.iter().filter(|c| often.binary_search(&c.pattern).is_err()) {
@@ -168,16 +187,16 @@ impl Leaves {
         let slices = heaviest(used, MAX_SLICES);
 
         let few = slices[..slices.len().min(SHORT_SLICES)].to_vec();
-        let (words, leaves) = Self::with_slices(few, &counted);
+        let (words, leaves) = Self::with_slices(few, &counted)?;
         if slices.len() <= SHORT_SLICES {
-            return leaves;
+            return Ok(leaves);
         }
-        let (words_of_more, of_more) = Self::with_slices(slices, &counted);
-        if words_of_more < words { of_more } else { leaves }
+        let (words_of_more, of_more) = Self::with_slices(slices, &counted)?;
+        Ok(if words_of_more < words { of_more } else { leaves })
     }
 
     /// The leaves with these slices, and the number of words that they and all references take.
-    fn with_slices(slices: Vec<u16>, counted: &[Counted]) -> (u64, Self) {
+    fn with_slices(slices: Vec<u16>, counted: &[Counted]) -> Result<(u64, Self), NoMemory> {
         let numbers = SliceNumbers::new(&slices);
         let mut leaves = Self { patterns: Vec::new(), slices, rare: Vec::new() };
         let long = leaves.words_of(Class::Long) as u64;
@@ -187,9 +206,7 @@ impl Leaves {
             highest if highest < SHORT_SLICES => 2 * c.uses,
             highest => long * c.uses + if is_rare(highest) { 4 } else { 0 },
         };
-        let images = counted.chunk_by(|a, b| a.pattern == b.pattern);
-        let saved = images.map(|same| (same.iter().map(|c| words(c) - c.uses).sum::<u64>(), same[0].pattern));
-        leaves.patterns = heaviest(saved.filter(|&(n, _)| n > WORDS_OF_PATTERN).collect(), MAX_PATTERNS);
+        leaves.patterns = heaviest_patterns(counted, |c| words(c) - c.uses)?;
 
         let mut patterns = leaves.patterns.clone();
         patterns.sort_unstable();
@@ -201,12 +218,13 @@ impl Leaves {
             }
             total += words(c);
             if is_rare(numbers.of(c.field).1) {
+                make_room(&mut leaves.rare, 1, FIELDS)?;
                 leaves.rare.push(c.field);
             }
         }
         leaves.rare.sort_unstable();
         leaves.rare.shrink_to_fit();
-        (total, leaves)
+        Ok((total, leaves))
     }
 
     /// Words of a long reference: 3 or 4.
@@ -369,7 +387,7 @@ mod tests {
 
     /// Refers to every field by the leaves and checks that it is read back. Returns the leaves and the number of references of each class.
     fn named(uses: Vec<u64>) -> (Leaves, [usize; 4]) {
-        let leaves = Leaves::of_fields(uses.clone());
+        let leaves = Leaves::of_fields(uses.clone()).unwrap();
         assert!(leaves.patterns.len() <= MAX_PATTERNS && leaves.slices.len() <= MAX_SLICES);
         assert!(leaves.patterns.iter().all(|&p| p == least_image(p)));
         let index = LeafIndex::new(&leaves);
@@ -427,10 +445,10 @@ mod tests {
     #[test]
     fn a_pattern_must_save_more_than_it_takes() {
         // A use saves three words where a slice is not in the table, otherwise one; a pattern takes four.
-        let leaves = Leaves::of_fields([vec![0xF0; 4], vec![0xF; 5]].concat());
+        let leaves = Leaves::of_fields([vec![0xF0; 4], vec![0xF; 5]].concat()).unwrap();
         assert_eq!(leaves.patterns, [0xF]);
         // Fields mirrored along y have one pattern.
-        let leaves = Leaves::of_fields([vec![0xF000; 3], vec![0xF; 2], vec![0x8]].concat());
+        let leaves = Leaves::of_fields([vec![0xF000; 3], vec![0xF; 2], vec![0x8]].concat()).unwrap();
         assert_eq!(leaves.patterns, [0xF]);
     }
 
@@ -438,7 +456,7 @@ mod tests {
     fn no_more_than_references_reach() {
         let mut s = 3;
         let uses: Vec<u64> = (0..9000).flat_map(|_| [random(&mut s) | 1; 5]).collect();
-        let leaves = Leaves::of_fields(uses);
+        let leaves = Leaves::of_fields(uses).unwrap();
         assert_eq!(leaves.patterns.len(), MAX_PATTERNS);
     }
 }

@@ -4,12 +4,17 @@
 //! ```text
 //! check_room         compares with what the system has left    Linux grants more than it has, and then ends the process
 //! reserved, zeroed,  ask the allocator                         limits of the process, and systems that grant only what they have
-//! make_room
+//! collected,
+//! collected_by_threads,
+//! make_room, make_room_in_map
 //! ```
 
+use std::collections::HashMap;
+use std::hash::{BuildHasher, Hash};
 use std::path::Path;
 
 use bytemuck::Zeroable;
+use rayon::prelude::*;
 
 use crate::memory::available_bytes;
 
@@ -93,6 +98,33 @@ pub fn zeroed<T: Zeroable>(count: usize, what: &str) -> Result<Vec<T>, NoMemory>
         .map_err(|()| NoMemory::Refused { what: what.to_owned(), needed_bytes })
 }
 
+/// What an iterator gives, in a list with room for exactly `count` elements; `count` is how many it gives.
+///
+/// # Errors
+/// As [`reserved`].
+pub fn collected<T>(
+    count: usize,
+    items: impl IntoIterator<Item = T>,
+    what: &str,
+) -> Result<Vec<T>, NoMemory> {
+    let mut list = reserved(count, what)?;
+    list.extend(items);
+    Ok(list)
+}
+
+/// As [`collected`], by all threads.
+///
+/// # Errors
+/// As [`reserved`].
+pub fn collected_by_threads<T: Send>(
+    items: impl IndexedParallelIterator<Item = T>,
+    what: &str,
+) -> Result<Vec<T>, NoMemory> {
+    let mut list = reserved(items.len(), what)?;
+    items.collect_into_vec(&mut list);
+    Ok(list)
+}
+
 /// Makes room at the end of a list whose length nobody knows beforehand, for `more` elements. A full list doubles its room, as with
 /// [`Vec::reserve`].
 ///
@@ -107,6 +139,23 @@ pub fn make_room<T>(list: &mut Vec<T>, more: usize, what: &str) -> Result<(), No
     check_room(what, needed_bytes)?;
     list.try_reserve_exact(room - list.len())
         .map_err(|_| NoMemory::Refused { what: what.to_owned(), needed_bytes })
+}
+
+/// Makes room in a map for one more entry. A full map doubles its room.
+///
+/// # Errors
+/// As [`reserved`], with what the entries need with the new room; the map stays as it is.
+pub fn make_room_in_map<K: Eq + Hash, V, S: BuildHasher>(
+    map: &mut HashMap<K, V, S>,
+    what: &str,
+) -> Result<(), NoMemory> {
+    if map.len() < map.capacity() {
+        return Ok(());
+    }
+    // A byte an entry says whether its place is taken.
+    let needed_bytes = (bytes_of::<(K, V)>(2 * map.len())).saturating_add(2 * map.len() as u64);
+    check_room(what, needed_bytes)?;
+    map.try_reserve(1).map_err(|_| NoMemory::Refused { what: what.to_owned(), needed_bytes })
 }
 
 /// A number of bytes for people: `812 B`, `6.3 MB`, `54.1 GB`, in powers of 1000.
@@ -150,11 +199,32 @@ mod tests {
     }
 
     #[test]
+    fn what_is_collected_is_what_was_given() {
+        assert_eq!(collected(3, [5, 6, 7], "a list").unwrap(), [5, 6, 7]);
+        let squares = collected_by_threads((0..5000u32).into_par_iter().map(|i| i * i), "a list").unwrap();
+        assert!(squares.len() == 5000 && squares.iter().zip(0..).all(|(&square, i)| square == i * i));
+    }
+
+    #[test]
+    fn a_map_that_grows_keeps_what_it_has() {
+        let mut map = HashMap::new();
+        let mut rooms = std::collections::BTreeSet::new();
+        for number in 0..1000u32 {
+            make_room_in_map(&mut map, "a map").unwrap();
+            rooms.insert(map.capacity());
+            assert!(map.capacity() > map.len());
+            map.insert(number, 2 * number);
+        }
+        assert!((0..1000).all(|n| map[&n] == 2 * n) && rooms.len() <= 12, "{rooms:?}");
+    }
+
+    #[test]
     fn what_no_machine_has_is_an_error_that_says_how_much() {
         // 2⁵⁹ bytes: more than any machine has, less than what an allocator's interface can express.
         for error in [
             reserved::<u64>(1 << 56, "a list").unwrap_err(),
             zeroed::<u64>(1 << 56, "a list").unwrap_err(),
+            collected(1 << 56, [7u64], "a list").unwrap_err(),
             check_room("a list", 1 << 59).unwrap_err(),
         ] {
             let text = error.to_string();

@@ -103,6 +103,8 @@ impl<T: Tracer> PathTracer<T> {
     pub fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
         let end = Instant::now() + slice;
         loop {
+            // A pass that was cancelled at its very end, or had no memory for it, has not decided which pixels rest.
+            self.film.look()?;
             let spp = self.film.spp();
             if spp >= spp_limit || self.film.all_rest() {
                 break;
@@ -172,7 +174,7 @@ impl<T: Tracer> PathTracer<T> {
         if job.is_cancelled() {
             return Err(RenderError::Cancelled);
         }
-        self.film.look();
+        self.film.look()?;
         if target > before {
             self.seconds_a_sample = start.elapsed().as_secs_f64() / f64::from(target - before);
         }

@@ -56,9 +56,13 @@ pub fn bytes_of(film: &Film, kept: PassSums, rule: Option<Adaptive>) -> u64 {
 /// # Errors
 /// [`NoMemory`] with the size of the film, what it needs and what there is.
 pub fn check_shown(film: &Film, kept: PassSums, held_bytes: u64) -> Result<(), NoMemory> {
-    let needed = film_bytes(pixels_of(film), kept).saturating_add(4 * NUMBER * pixels_of(film));
     let what = format!("film: {} × {} pixels", film.width, film.height);
-    check_room(&what, needed.saturating_sub(held_bytes))
+    check_room(&what, shown_bytes_of(film, kept).saturating_sub(held_bytes))
+}
+
+/// Bytes of a film and of a frame of four floats a pixel.
+fn shown_bytes_of(film: &Film, kept: PassSums) -> u64 {
+    film_bytes(pixels_of(film), kept).saturating_add(4 * NUMBER * pixels_of(film))
 }
 
 /// Checks that there is memory for a film and its picture; `held_bytes` of it belong to the renderer already.
@@ -109,6 +113,42 @@ mod tests {
         // Held memory is not needed again.
         let all = bytes_of(&huge, kept, None);
         assert_eq!(check(&huge, kept, None, all), Ok(()));
+    }
+
+    /// Bytes a pixel, counted by hand: 16 floats are 64 bytes.
+    #[test]
+    fn each_part_of_a_film_and_its_picture_counts() {
+        let of = |passes: &[Pass], transparent: bool, adaptive: bool, catches: bool| {
+            let mut film = film(10, 7, passes.iter().copied().collect());
+            film.transparent = transparent;
+            let rule = adaptive.then_some(Adaptive { threshold: 0.01, min_spp: 4 });
+            let bytes = bytes_of(&film, PassSums::of(&film, catches), rule);
+            assert_eq!(bytes % 70, 0);
+            bytes / 70
+        };
+        // Four replicates of three floats and the colour; depth, label, base colour, normal and position, found and kept.
+        let plain = 4 * 12 + 12 + 2 * (4 + 4 + 3 * 12);
+        assert_eq!(of(&[], false, false, false), plain);
+        let shown = film(10, 7, Passes::NONE);
+        assert_eq!(shown_bytes_of(&shown, PassSums::of(&shown, false)), 70 * (4 * 12 + 12 + 16));
+        assert_eq!(of(&[], false, true, false), plain + 4, "a number of samples at rest");
+        assert_eq!(of(&[], true, false, false), plain + 4 + 4, "alpha in the film and in the picture");
+        assert_eq!(of(&[Pass::Samples], false, false, false), plain + 4);
+        assert_eq!(of(&[Pass::Albedo], false, false, false), plain + 6 * 4, "sums of colour and normal");
+        // Eleven sums of light in the film, however many are asked for; a colour each in the picture.
+        assert_eq!(of(&[Pass::DiffuseColor], false, false, false), plain + 11 * 12 + 12);
+        assert_eq!(of(&[Pass::DiffuseColor, Pass::Emission], false, false, false), plain + 11 * 12 + 24);
+        // Six ranks: twelve slots of two numbers in the film, three layers of four numbers in the picture.
+        let matte = 12 * 2 * 4 + 3 * 16;
+        assert_eq!(of(&[Pass::CryptomatteLabel], false, false, false), plain + matte);
+        assert_eq!(
+            of(&[Pass::CryptomatteLabel, Pass::CryptomatteType], false, false, false),
+            plain + 2 * matte
+        );
+        // Light of catchers: 11 floats of each replicate, or 8 where the picture does not show what is behind.
+        assert_eq!(of(&[], false, false, true), plain + 4 * 11 * 4);
+        assert_eq!(of(&[], true, false, true), plain + 4 + 4 + 4 * 8 * 4);
+        assert_eq!(of(&[Pass::ShadowCatcher], false, false, true), plain + 4 * 8 * 4 + 12);
     }
 
     #[test]

@@ -13,12 +13,15 @@
 //! slices. A pixel's own samples decide when it rests, which biases the picture slightly (docs/error-against-time.md says how much).
 
 use pumice_core::NoMemory;
-use pumice_core::reserve::reserved;
+use pumice_core::reserve::{collected_by_threads, reserved};
 use pumice_scene::Adaptive;
 use rayon::prelude::*;
 
 use crate::film::CLASSES;
 use crate::film::FilmBuffer;
+
+/// What memory is for, in errors.
+const WHAT: &str = "film: which pixels rest";
 
 /// The value of a pixel that does not rest.
 pub const AWAKE: u32 = u32::MAX;
@@ -38,7 +41,7 @@ impl Resting {
     /// # Errors
     /// [`NoMemory`] where there is none for a number a pixel.
     pub(crate) fn new(rule: Adaptive, pixels: usize) -> Result<Self, NoMemory> {
-        let mut rested = reserved(pixels, "film: which pixels rest")?;
+        let mut rested = reserved(pixels, WHAT)?;
         rested.resize(pixels, AWAKE);
         Ok(Self { rule, next_look: first_look(rule), rested, awake: pixels })
     }
@@ -87,22 +90,25 @@ impl FilmBuffer {
     }
 
     /// Examines the film if its number of samples says so; returns whether some pixels came to rest.
-    pub fn look(&mut self) -> bool {
+    ///
+    /// # Errors
+    /// [`NoMemory`], where there is none for the errors of all pixels; the film stays as it is.
+    pub fn look(&mut self) -> Result<bool, NoMemory> {
         let spp = self.spp();
         if spp < self.next_look() {
-            return false;
+            return Ok(false);
         }
-        let Some(mut resting) = self.resting.take() else { return false };
+        let Some(mut resting) = self.resting.take() else { return Ok(false) };
+        // All pixels count with the film's number of samples here, also those that rest.
+        let worst = match self.worst_around() {
+            Ok(worst) => worst,
+            Err(error) => {
+                self.resting = Some(resting);
+                return Err(error);
+            }
+        };
         let steps = spp / CLASSES;
         resting.next_look = steps.saturating_add((steps / 4).max(1)).saturating_mul(CLASSES);
-
-        let (width, height) = self.size();
-        let errors = self.squared_errors();
-        let mean = around(&errors, width, height, |values| {
-            let (sum, n) = values.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
-            sum / n
-        });
-        let worst = around(&mean, width, height, |values| values.fold(0.0, f32::max));
         let bar = resting.rule.threshold * resting.rule.threshold;
         let awake = resting.awake;
         for (rested, worst) in resting.rested.iter_mut().zip(&worst) {
@@ -113,11 +119,22 @@ impl FilmBuffer {
         }
         let some = resting.awake < awake;
         self.resting = Some(resting);
-        some
+        Ok(some)
+    }
+
+    /// The worst mean error of 3 × 3 pixels within one pixel of each pixel.
+    fn worst_around(&self) -> Result<Vec<f32>, NoMemory> {
+        let (width, height) = self.size();
+        let errors = self.squared_errors()?;
+        let mean = around(&errors, width, height, |values| {
+            let (sum, n) = values.fold((0.0, 0.0), |(sum, n), v| (sum + v, n + 1.0));
+            sum / n
+        })?;
+        around(&mean, width, height, |values| values.fold(0.0, f32::max))
     }
 
     /// Mean over channels of var / (μ² + floor), pixel by pixel.
-    fn squared_errors(&self) -> Vec<f32> {
+    fn squared_errors(&self) -> Result<Vec<f32>, NoMemory> {
         let (width, height) = self.size();
         let error = |pixel: usize| {
             let n = self.samples_of(pixel);
@@ -127,7 +144,7 @@ impl FilmBuffer {
             };
             ((0..3).map(of_channel).sum::<f64>() / 3.0) as f32
         };
-        (0..width * height).into_par_iter().map(error).collect()
+        collected_by_threads((0..width * height).into_par_iter().map(error), WHAT)
     }
 }
 
@@ -137,12 +154,12 @@ fn around(
     width: usize,
     height: usize,
     f: impl Fn(&mut dyn Iterator<Item = f32>) -> f32 + Sync,
-) -> Vec<f32> {
+) -> Result<Vec<f32>, NoMemory> {
     let value = |pixel: usize| {
         let (x, y) = (pixel % width, pixel / width);
         let columns = x.saturating_sub(1)..(x + 2).min(width);
         let rows = y.saturating_sub(1)..(y + 2).min(height);
         f(&mut rows.flat_map(|y| columns.clone().map(move |x| of[y * width + x])))
     };
-    (0..width * height).into_par_iter().map(value).collect()
+    collected_by_threads((0..width * height).into_par_iter().map(value), WHAT)
 }

@@ -25,19 +25,33 @@ Axes = Literal["xyz", "zyx"]
 
 
 class Choice(TypedDict, total=False):
-    """Which of several volumes in a file, counted from 0; `array` is a name within an `.npz`. `axes` is the order of an array's axes."""
+    """Which of several volumes in a file, counted from 0; `array` is a name within an `.npz`. `axes` is the order of an array's axes. The rest
+    describes a file without a header: `raw_dims` x, y, z, `raw_type`, `raw_big_endian`, and `raw_offset`, the bytes before the first voxel."""
 
     layer: int | None
     time: int | None
     channel: int | None
     array: str | None
     axes: Axes | None
+    raw_dims: Sequence[int] | None
+    raw_type: str | None
+    raw_big_endian: bool
+    raw_offset: int
 
 
 class Reading(Choice, total=False):
     """Keywords for what a file may not decide by itself: which of several volumes, and the voxel size."""
 
     spacing: Sequence[float] | None
+
+
+class RawAs(NamedTuple):
+    """The layout of a file without a header, as the compiled part takes it."""
+
+    dims: tuple[int, int, int]
+    label_type: str
+    big_endian: bool
+    offset: int
 
 
 class ReadAs(NamedTuple):
@@ -49,6 +63,7 @@ class ReadAs(NamedTuple):
     array: str | None = None
     spacing: tuple[float, float, float] | None = None
     axes: Axes | None = None
+    raw: RawAs | None = None
 
 
 class RenderAs(NamedTuple):
@@ -160,7 +175,30 @@ def reading(given: Choice | Reading) -> ReadAs:
     if checked.get("spacing") is not None:
         checked["spacing"] = three_lengths(checked["spacing"])
     checked["axes"] = order(checked.get("axes"))
-    return ReadAs(**checked)
+    layout = {name: checked.pop(name) for name in ("raw_dims", "raw_type", "raw_big_endian", "raw_offset") if name in checked}
+    return ReadAs(**checked, raw=raw_layout(**layout))
+
+
+def raw_layout(raw_dims: Any = None, raw_type: Any = None, raw_big_endian: Any = False, raw_offset: Any = 0) -> RawAs | None:
+    """The layout of a file without a header; None where the file has one. InputError for a part of a layout."""
+    if not isinstance(raw_big_endian, bool):
+        raise InputError(f"raw_big_endian: expected True or False, got {raw_big_endian!r}")
+    offset = whole("raw_offset", raw_offset, 0, MOST_64)
+    if raw_dims is None or raw_type is None:
+        for name, missing in (("raw_dims", raw_type), ("raw_type", raw_dims), ("raw_dims", raw_big_endian or None), ("raw_dims", offset or None)):
+            if missing is not None:
+                raise InputError(f"{name}: expected it too, because a file without a header needs raw_dims and raw_type")
+        return None
+    if not isinstance(raw_type, str):
+        raise InputError(f"raw_type: expected the name of a number type such as 'u16', got {raw_type!r}")
+    try:
+        numbers = list(raw_dims)
+    except TypeError:
+        raise InputError(f"raw_dims: expected three whole numbers x, y, z, got {raw_dims!r}") from None
+    if len(numbers) != 3:
+        raise InputError(f"raw_dims: expected three whole numbers x, y, z, got {len(numbers)}")
+    x, y, z = (whole("raw_dims", number, 0, MOST_64) for number in numbers)
+    return RawAs((x, y, z), raw_type, raw_big_endian, offset)
 
 
 def order(axes: Any) -> Axes | None:

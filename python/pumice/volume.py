@@ -344,6 +344,9 @@ def open(
     Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths), `axes` (the order of
     the axes of an `.npy` or `.npz` array: "xyz" or "zyx"; without it, "xyz" with a warning). Unusual things in the file that are not
     errors cause a `PumiceWarning`. A keyword that leaves nothing to choose in this file is an InputError.
+
+    A file without a header needs `raw_dims` (voxels along x, y, z; x is fastest) and `raw_type` (u8 u16 u32 u64 i8 i16 i32 i64 f32 f64), with
+    `raw_big_endian` (False) and `raw_offset` (0, the bytes before the first voxel) where they apply.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
     read_as = arguments.reading(reading)
@@ -485,7 +488,7 @@ def _choice_of(source: Path | Any, choice: Choice) -> arguments.ReadAs:
     if not isinstance(source, (str, os.PathLike)):
         for name, given in choice.items():
             if given is not None and name != "axes":
-                raise InputError(f"{name}: an array is read as it is; choose by slicing it")
+                raise InputError(f"{name}: an array is read as it is" + ("" if name.startswith("raw_") else "; choose by slicing it"))
     return arguments.reading(choice)
 
 

@@ -10,7 +10,8 @@ use pumice_core::{
     LabelBuffer, LabelNote, LabelType, TypeTable, Unit, Verification, VolumeInfo,
 };
 use pumice_export::{CoarseSurface, Corners, Interfaces, QuadMesh};
-use pumice_session::{ArrayAxes, LabelRows, OpenOptions, Residence, SessionError};
+use pumice_session::values::label_type;
+use pumice_session::{ArrayAxes, LabelRows, OpenOptions, RawLayout, Residence, SessionError};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -38,17 +39,26 @@ pub(crate) fn distinct_colors(py: Python<'_>, count: usize, color_blind_safe: bo
     })
 }
 
-/// How to read a file: layer, time, channel, array, spacing and axes of `pumice_formats::OpenOptions`; a `pumice.arguments.ReadAs`.
+/// How to read a file: layer, time, channel, array, spacing, axes and raw of `pumice_formats::OpenOptions`; a `pumice.arguments.ReadAs`.
 pub(crate) type ReadAs =
-    (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>, Option<String>);
+    (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>, Option<String>, Option<RawAs>);
 
-pub(crate) fn reading((layer, time, channel, array, spacing, axes): ReadAs) -> PyResult<OpenOptions> {
+/// Dims, label type, byte order and offset of voxels without a header; a `pumice.arguments.RawAs`.
+type RawAs = ([u64; 3], String, bool, u64);
+
+pub(crate) fn reading((layer, time, channel, array, spacing, axes, raw): ReadAs) -> PyResult<OpenOptions> {
     let order = |name: String| {
         ArrayAxes::of_name(&name)
             .ok_or_else(|| input(&format_args!("axes: expected 'xyz' or 'zyx', got {name:?}")))
     };
     let axes = axes.map(order).transpose()?;
-    Ok(OpenOptions { layer, time, channel, array, spacing, axes, ..OpenOptions::default() })
+    let raw = raw.map(|(dims, name, big_endian, offset)| {
+        let label_type =
+            label_type(&name).map_err(|e| input(&format_args!("raw_type: {e}, got {name:?}")))?;
+        Ok::<_, PyErr>(RawLayout { dims, label_type, big_endian, offset })
+    });
+    let raw = raw.transpose()?;
+    Ok(OpenOptions { layer, time, channel, array, spacing, axes, raw, ..OpenOptions::default() })
 }
 
 #[pymethods]

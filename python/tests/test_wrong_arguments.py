@@ -71,11 +71,14 @@ def made(small, tmp_path_factory):
     first = scene.to_dict()["instances"][0]["id"]
     placed = {"id": 1, "source": "m", "world_from_mesh": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], "materials": [material]}
     reading = {"layer": None, "time": None, "channel": None, "array": None, "axes": "xyz"}
+    raw = {"raw_dims": (4, 4, 4), "raw_type": "u16", "raw_big_endian": True, "raw_offset": 0}
+    (folder / "v.raw").write_bytes(small.astype(">u2").tobytes("F"))
     rows = {"names": ["a", "b"], "types": ["c", "d"], "columns": {"n": [1.0, 2.0]}}
     showing = {"visible": ([1], [True]), "groups": labels}
     calls = {
         "open": (pumice.open, {"path": folder / "v.npy", "mapped": False, "job": None, "spacing": (1, 1, 1), **reading}),
         "open labels": (pumice.open, {"path": folder / "v.pumice", "labels": [1]}),
+        "open raw": (pumice.open, {"path": folder / "v.raw", "spacing": (1, 1, 1), **raw}),
         "probe": (pumice.probe, {"path": folder / "v.npy", "job": None, "spacing": (1, 1, 1), **reading}),
         "compress": (
             pumice.compress,
@@ -151,7 +154,7 @@ def made(small, tmp_path_factory):
 
 # The names in `made`, which needs a volume, and so is a fixture.
 NAMES = [
-    *["open", "open labels", "probe", "compress", "compress with a table", "compress a file", "distinct_colors"],
+    *["open", "open labels", "open raw", "probe", "compress", "compress with a table", "compress a file", "distinct_colors"],
     *["Volume.save", "Volume.verify", "Volume.decode", "Volume.label_at", "Volume.faces", "Volume.coarse_surface"],
     *["LabelTable.index_of", "LabelTable.rows_of", "LabelTable.isin", "LabelTable.query", "LabelTable.auto_colors"],
     *["AnnotationTable", "AnnotationTable.save"],

@@ -227,7 +227,7 @@ mod tests {
     use std::sync::Arc;
 
     use glam::DAffine3;
-    use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+    use pumice_core::{LabelBuffer, LabelNote, LabelType, VolumeInfo, compress_labels};
     use pumice_picture::ScaleBar;
     use pumice_scene::Scene;
 
@@ -429,6 +429,31 @@ mod tests {
         assert_eq!(legend_rows(&micrometres(shown.clone()), 9).unwrap_err(), "the scene shows no label");
         shown.settings.mode = Mode::AmbientOcclusion;
         assert!(legend_rows(&micrometres(shown), 9).unwrap_err().contains("all labels are white"));
+    }
+
+    /// The rows of two instances of different volumes and styles, of which the second has names; a name is one line, and an empty one is none.
+    #[test]
+    fn a_legend_of_two_volumes_takes_names_and_colors_of_each() {
+        let mut info = VolumeInfo::new([9, 1, 1], LabelType::U8);
+        info.unit = Unit::Micrometre;
+        info.world_from_index = DAffine3::from_scale(DVec3::new(0.5, 0.25, 2.0));
+        let note = |id, name: &str| LabelNote { id, name: Some(name.into()), color_srgb: None };
+        info.notes = vec![note(8, "a\nb"), note(9, ""), note(20, "twenty")];
+        let named = compress_labels(info, LabelBuffer::U8(vec![20, 20, 20, 20, 20, 8, 8, 9, 0])).unwrap();
+        let mut two = scene(PARALLEL);
+        let mut second = two.instances[0].clone();
+        second.id = 5;
+        let colored = |color| pumice_scene::Material { base_color: color, ..Default::default() };
+        let (red, blue) = ([0.9, 0.1, 0.1], [0.1, 0.1, 0.9]);
+        (two.instances[0].style.material, second.style.material) = (colored(red), colored(blue));
+        two.instances.push(second);
+        let volumes = vec![volume(Unit::Micrometre), Arc::new(named)];
+        let (rows, more) = legend_rows(&LoadedScene::new(two, volumes, vec![]).unwrap(), 9).unwrap();
+        let found: Vec<_> = rows.iter().map(|row| (row.name.as_str(), row.color)).collect();
+        // By voxels: 5, 4, 2, 2, 2, 1, 1; of as many, the first volume's before the second's.
+        let expected =
+            [("twenty", blue), ("20", red), ("8", red), ("9", red), ("a\\nb", blue), ("3", red), ("9", blue)];
+        assert_eq!((found.as_slice(), more), (&expected[..], 0));
     }
 
     #[test]

@@ -54,3 +54,42 @@ pub(crate) fn listed<'a>(
     };
     Ok((found.into_iter().map(listed).collect(), more))
 }
+
+#[cfg(test)]
+mod tests {
+    use pumice_core::{CompressionLevel, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
+
+    use super::*;
+
+    fn ids(found: &[Listed]) -> Vec<&str> {
+        found.iter().map(|one| one.name.as_str()).collect()
+    }
+
+    /// Of a file that is read with some labels, the others have no voxel to show; a figure asks before it knows that.
+    #[test]
+    fn labels_that_were_not_read_are_not_listed() {
+        let (folder, job) = (tempfile::tempdir().unwrap(), Job::new());
+        let path = folder.path().join("v.pumice");
+        let labels = LabelBuffer::U8(vec![20, 20, 8, 9, 3, 9, 8, 20, 20]);
+        let whole = compress_labels(VolumeInfo::new([9, 1, 1], LabelType::U8), labels).unwrap();
+        whole.save(&path, CompressionLevel::Default, &job).unwrap();
+        let chosen = |chosen: &'static [u64]| {
+            let choose = |table: &pumice_core::LabelTable| {
+                table.ids().iter().map(|id| chosen.contains(id)).collect::<Vec<_>>()
+            };
+            CompressedVolume::open_labels(&path, choose, &job).unwrap()
+        };
+        let all = vec![true; 4];
+        let (found, more) = listed([(&whole, all.clone())].into_iter(), 9).unwrap();
+        assert_eq!((ids(&found), more), (vec!["20", "8", "9", "3"], 0));
+        let some = chosen(&[9, 20]);
+        let (found, more) = listed([(&some, all.clone())].into_iter(), 9).unwrap();
+        assert_eq!((ids(&found), more), (vec!["20", "9"], 0));
+        let (found, more) = listed([(&some, all.clone()), (&whole, all)].into_iter(), 2).unwrap();
+        let places: Vec<usize> = found.iter().map(|one| one.place).collect();
+        assert_eq!((ids(&found), places, more), (vec!["20", "20"], vec![0, 1], 4));
+        assert!(
+            listed([(&some, vec![false; 4])].into_iter(), 9).is_err_and(|e| e == "the scene shows no label")
+        );
+    }
+}

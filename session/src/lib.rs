@@ -65,4 +65,6 @@ pub use render_file::{
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
 pub use threads::with_threads;
-pub use verify_render::{VerifiedRender, VerifyMaps, VerifyProgress, VerifyRenderRequest, verify_render};
+pub use verify_render::{
+    LastLook, VerifiedRender, VerifyMaps, VerifyProgress, VerifyRenderRequest, verify_render,
+};

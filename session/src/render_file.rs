@@ -6,6 +6,7 @@
 //! ```
 
 mod again;
+mod hashed_files;
 pub(crate) mod open_scene;
 mod overrides;
 mod picture_format;

@@ -1,4 +1,6 @@
-//! Parsers of flag values: sizes in pixels, amounts of bytes.
+//! Parsers of flag values: sizes in pixels, amounts of bytes, types of numbers.
+
+use pumice_core::LabelType;
 
 /// Parses `N` numbers separated by `separator`; `None` if there are more or fewer, or one is not a number.
 pub fn numbers<T: std::str::FromStr, const N: usize>(text: &str, separator: char) -> Option<[T; N]> {
@@ -14,6 +16,15 @@ pub fn size(text: &str) -> Result<[u32; 2], String> {
     numbers(text, 'x')
         .filter(|s: &[u32; 2]| s.iter().all(|&n| (1..=65_536).contains(&n)))
         .ok_or_else(|| "expected WIDTHxHEIGHT in pixels, each 1 to 65536, e.g. 960x540".into())
+}
+
+/// Parses the name of a label type: `u32`.
+///
+/// # Errors
+/// The names that there are, if `text` is none of them.
+pub fn label_type(text: &str) -> Result<LabelType, String> {
+    serde_json::from_value(serde_json::Value::String(text.to_lowercase()))
+        .map_err(|_| "expected one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64".into())
 }
 
 /// Parses a whole number of at least 1.
@@ -52,6 +63,8 @@ mod tests {
 
     #[test]
     fn values_are_read_or_refused() {
+        assert_eq!((label_type("u16"), label_type("F32")), (Ok(LabelType::U16), Ok(LabelType::F32)));
+        assert!(label_type("u17").is_err() && label_type("").is_err());
         assert_eq!(size("960x540"), Ok([960, 540]));
         assert_eq!(bytes("256M"), Ok(256 << 20));
         for bad in ["0x5", "960", "-1x3", "960x540x2", "99999999x1"] {

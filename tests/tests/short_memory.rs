@@ -8,6 +8,8 @@
 mod counting_allocator;
 #[path = "short_memory/files.rs"]
 mod files;
+#[path = "short_memory/lists.rs"]
+mod lists;
 
 use std::sync::{Mutex, MutexGuard, PoisonError};
 use std::time::Duration;

@@ -76,12 +76,18 @@ impl Film {
     }
 
     /// Decides which pixels rest, if the film has reached the sample count of the next check.
-    pub(crate) fn look(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
+    ///
+    /// # Errors
+    /// Those of the device; of the host, where it has no memory to decide it.
+    pub(crate) fn look(&mut self, gpu: &Gpu) -> Result<(), UploadError> {
         if self.spp < self.copy.next_look() || self.pass.is_some() {
             return Ok(());
         }
         self.read(gpu)?;
-        if self.copy.look() { self.tell_who_rests(gpu) } else { Ok(()) }
+        if self.copy.look().map_err(RenderError::from)? {
+            self.tell_who_rests(gpu)?;
+        }
+        Ok(())
     }
 
     fn tell_who_rests(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {

@@ -119,9 +119,9 @@ impl VulkanRenderer {
     }
 
     /// Does work that the device may fail at, and does it again after a first failure.
-    fn twice<T>(
+    fn twice<T, E: Into<UploadError>>(
         &mut self,
-        mut work: impl FnMut(&mut Shown, &mut DeviceContext) -> Result<T, DeviceError>,
+        mut work: impl FnMut(&mut Shown, &mut DeviceContext) -> Result<T, E>,
     ) -> Result<T, RenderError> {
         loop {
             let shown = self.shown.as_mut().ok_or_else(no_scene)?;
@@ -130,7 +130,10 @@ impl VulkanRenderer {
                     self.failed = false;
                     return Ok(done);
                 }
-                Err(e) => self.overcome(&e)?,
+                Err(e) => match e.into() {
+                    UploadError::Device(e) => self.overcome(&e)?,
+                    UploadError::Scene(e) => return Err(e),
+                },
             }
         }
     }
@@ -201,7 +204,7 @@ impl Renderer for VulkanRenderer {
         }
         self.twice(|shown, machine| {
             shown.film.look(&machine.gpu)?;
-            shown.film.read(&machine.gpu)
+            Ok::<_, UploadError>(shown.film.read(&machine.gpu)?)
         })?;
         let film = self.shown.as_ref().ok_or_else(no_scene)?.film.copy();
         Ok(Progress {

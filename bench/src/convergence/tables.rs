@@ -2,32 +2,40 @@
 
 use std::fmt::Write;
 
-use super::{Convergence, Preparation};
+use super::{Convergence, Point, Preparation, Program};
+use crate::table::Table;
+
+/// Columns of a point.
+const OF_POINT: [&str; 7] = ["program", "samples", "CPU s", "wall s", "relMSE", "relMSE × CPU s", "FLIP"];
+
+/// A point of a program as cells: seconds with this many digits, the errors with one more, FLIP with two more.
+fn cells(program: &Program, point: &Point, digits: usize) -> Vec<String> {
+    let &Point { spp, seconds, cpu_seconds, rel_mse, flip } = point;
+    let error = |value: f64| format!("{value:.*e}", digits + 1);
+    vec![
+        program.name.clone(),
+        spp.to_string(),
+        format!("{cpu_seconds:.digits$}"),
+        format!("{seconds:.digits$}"),
+        error(rel_mse),
+        error(rel_mse * cpu_seconds),
+        format!("{flip:.*}", digits + 2),
+    ]
+}
+
+/// Each point of a scene with its program.
+fn points(scene: &Convergence) -> impl Iterator<Item = (&Program, &Point)> {
+    scene.programs.iter().flat_map(|program| program.points.iter().map(move |point| (program, point)))
+}
 
 pub(super) fn csv(scenes: &[Convergence]) -> String {
-    let mut text =
-        String::from("volume,width,height,bounces,program,samples,CPU s,wall s,relMSE,relMSE × CPU s,FLIP\n");
-    for scene in scenes {
-        for program in &scene.programs {
-            for p in &program.points {
-                let [width, height] = scene.size;
-                let _ = writeln!(
-                    text,
-                    "{},{width},{height},{},{},{},{:.3},{:.3},{:.4e},{:.4e},{:.5}",
-                    scene.volume,
-                    scene.bounces,
-                    program.name,
-                    p.spp,
-                    p.cpu_seconds,
-                    p.seconds,
-                    p.rel_mse,
-                    p.rel_mse * p.cpu_seconds,
-                    p.flip
-                );
-            }
-        }
-    }
-    text
+    let columns = [&["volume", "width", "height", "bounces"], &OF_POINT[..]].concat();
+    let rows = scenes.iter().flat_map(|scene| {
+        let [width, height] = scene.size.map(|pixels| pixels.to_string());
+        let of_scene = [scene.volume.clone(), width, height, scene.bounces.to_string()];
+        points(scene).map(move |(program, point)| [&of_scene[..], &cells(program, point, 3)].concat())
+    });
+    Table::new(&columns, rows).csv()
 }
 
 pub(super) fn markdown(machine: &str, scenes: &[Convergence]) -> String {
@@ -42,37 +50,21 @@ pub(super) fn markdown(machine: &str, scenes: &[Convergence]) -> String {
         if let Some(errors) = scene.disagreement {
             let _ = write!(text, " The two references' means differ by {errors:.1} standard errors.");
         }
-        text += "\n\n| program | samples | CPU s | wall s | relMSE | relMSE × CPU s | FLIP |\n| --- | --- | --- | --- | --- | --- | --- |\n";
-        for program in &scene.programs {
-            for p in &program.points {
-                let _ = writeln!(
-                    text,
-                    "| {} | {} | {:.2} | {:.2} | {:.3e} | {:.3e} | {:.4} |",
-                    program.name,
-                    p.spp,
-                    p.cpu_seconds,
-                    p.seconds,
-                    p.rel_mse,
-                    p.rel_mse * p.cpu_seconds,
-                    p.flip
-                );
-            }
-        }
-        text += "\n| program | preparation, CPU s | wall s | peak memory, MB | above the empty program, MB |\n| --- | --- | --- | --- | --- |\n";
-        for program in &scene.programs {
+        let rows = points(scene).map(|(program, point)| cells(program, point, 2));
+        text += "\n\n";
+        text += &Table::new(&OF_POINT, rows).markdown();
+
+        let preparation = |program: &Program| {
             let p: &Preparation = &program.preparation;
             let mb = |bytes: Option<u64>| bytes.map_or("–".into(), |b| format!("{:.0}", b as f64 / 1e6));
             let above = p.peak_bytes.zip(p.base_bytes).map(|(peak, base)| peak.saturating_sub(base));
-            let _ = writeln!(
-                text,
-                "| {} | {:.2} | {:.2} | {} | {} |",
-                program.name,
-                p.took.cpu_seconds,
-                p.took.seconds,
-                mb(p.peak_bytes),
-                mb(above)
-            );
-        }
+            let [cpu, wall] = [p.took.cpu_seconds, p.took.seconds].map(|seconds| format!("{seconds:.2}"));
+            vec![program.name.clone(), cpu, wall, mb(p.peak_bytes), mb(above)]
+        };
+        let columns =
+            ["program", "preparation, CPU s", "wall s", "peak memory, MB", "above the empty program, MB"];
+        text += "\n";
+        text += &Table::new(&columns, scene.programs.iter().map(preparation)).markdown();
         if let Some(ratio) = scene.cpu_ratio_at_equal_error() {
             let _ = writeln!(
                 text,
@@ -88,7 +80,6 @@ pub(super) fn markdown(machine: &str, scenes: &[Convergence]) -> String {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{Point, Program};
     use super::*;
     use crate::timing::Took;
 

@@ -1,8 +1,9 @@
 //! Flags that say how to read a label volume, shared by every subcommand that reads one.
 
 use clap::{Args, ValueEnum};
+use pumice_session::values::label_type;
 
-use super::values::{dims, label_type, spacing};
+use super::values::{dims, spacing};
 
 /// How to read a label volume where the file alone does not decide it
 #[derive(Debug, Default, Args)]

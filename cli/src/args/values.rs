@@ -1,7 +1,7 @@
 //! Parsers of flag values. Each error says which form was expected. The parsers of sizes and bytes are in `pumice_session::values`.
 
+use pumice_session::LabelTableFormat;
 use pumice_session::values::numbers;
-use pumice_session::{LabelTableFormat, LabelType};
 
 /// Voxels along x, y and z: `512,512,128`.
 pub(super) fn dims(text: &str) -> Result<[u64; 3], String> {
@@ -39,12 +39,6 @@ pub(super) fn positive(text: &str) -> Result<f64, String> {
 pub(super) fn relative(text: &str) -> Result<f64, String> {
     let (number, factor) = text.strip_suffix('%').map_or((text, 1.0), |t| (t, 0.01));
     positive(number).map(|v| v * factor).map_err(|_| "expected a number above 0, e.g. 0.03 or 3%".into())
-}
-
-/// A label type by name: `u32`.
-pub(super) fn label_type(text: &str) -> Result<LabelType, String> {
-    serde_json::from_value(serde_json::Value::String(text.to_lowercase()))
-        .map_err(|_| "expected one of u8 u16 u32 u64 i8 i16 i32 i64 f32 f64".into())
 }
 
 /// A format of label tables by name: `itk-snap`.

@@ -41,12 +41,14 @@ pub(crate) fn run(args: &VerifyRender, job: &Arc<Job>) -> Result<Answer, Failure
         command: std::env::args().collect::<Vec<_>>().join(" "),
     };
     declare_report(&request.reading.outputs, args.json.as_deref())?;
-    let bar = Bar::manual("comparing");
+    let mut opening = Some(Bar::follow("opening", job));
+    let mut comparing = None;
     let verified = verify_render(&request, job, &mut |progress| {
-        let text = format!("{} of {} pictures of each", progress.pictures, progress.next_look);
-        bar.set(1000 * progress.pictures as u64 / progress.next_look as u64, text);
+        opening = None;
+        let bar = comparing.get_or_insert_with(|| Bar::manual("comparing"));
+        bar.set(1000 * progress.pictures as u64 / progress.next_look as u64, progress.to_string());
     });
-    drop(bar);
+    drop((opening, comparing));
     let verified = verified?;
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         say_result(&verified)?;

@@ -73,7 +73,7 @@ impl MeshTracer {
     ) -> Result<Self, RenderError> {
         let grid = MeshGrid::new(place, mesh)?;
         let placement = mesh_placement(place, grid.mesh_from_grid, world_from_mesh)?;
-        let bvh = Bvh::build(grid.bounds(mesh))?;
+        let bvh = Bvh::build(grid.bounds(mesh)?)?;
         let geometry = Arc::new(Geometry { mesh: Arc::clone(mesh), grid, bvh });
         Ok(Self { geometry, placement, instance })
     }

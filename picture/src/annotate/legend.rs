@@ -147,6 +147,25 @@ mod tests {
         assert_eq!(reach_of(&[]), [0.0; 2]);
     }
 
+    /// The longest beginning, found by trying each.
+    #[test]
+    fn a_cut_name_is_as_long_as_fits_and_ends_in_an_ellipsis() {
+        let name = "right hippocampus, anterior part and what lies beside it";
+        let whole = text::width_of(name, 30.0).unwrap();
+        // Also one in which the longest beginning ends in a space.
+        let to_space = text::width_of("right …", 30.0).unwrap();
+        for room in [80.0, to_space, 200.0, 333.0, whole - 0.01] {
+            let fits = |cut: &String| text::width_of(cut, 30.0).unwrap() <= room;
+            let cuts = name.char_indices().skip(1).map(|(at, _)| format!("{}…", name[..at].trim_end()));
+            let expected = cuts.filter(fits).last();
+            let found = fitting(name, 30.0, room).unwrap();
+            assert_eq!(found, expected, "{room}");
+            assert!(found.is_some_and(|cut| !cut.contains(" …")), "{room}");
+        }
+        assert_eq!(fitting(name, 30.0, whole), Ok(Some(name.to_owned())));
+        assert_eq!(fitting(name, 30.0, 1.0), Ok(None));
+    }
+
     #[test]
     fn long_names_end_within_the_picture() {
         let long = LegendRow { name: "W".repeat(5_000_000), color: [1.0; 3] };

@@ -3,11 +3,11 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use pumice_core::content_hash::hash_of_file;
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_picture::Provenance;
 use pumice_scene::{Environment, Scene};
 
+use super::hashed_files::hash_of_file_once;
 use crate::error::{Result, SessionError, io};
 
 /// The content hash of a volume as 32 hexadecimal digits, as pictures carry it.
@@ -26,7 +26,7 @@ pub(super) fn mesh_hash_text(mesh: &MeshData) -> String {
 /// [`SessionError::Io`] when the file cannot be read.
 pub(crate) fn sky_hash_text(scene: &Scene) -> Result<Option<String>> {
     let Environment::Image { path, .. } = &scene.world.environment else { return Ok(None) };
-    Ok(Some(format!("{:032x}", hash_of_file(path).map_err(io(path))?)))
+    Ok(Some(format!("{:032x}", hash_of_file_once(path).map_err(io(path))?)))
 }
 
 /// Checks that the sky is the one that a picture was made under.

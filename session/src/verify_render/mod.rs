@@ -11,6 +11,7 @@
 mod charts;
 mod maps;
 mod page;
+mod progress;
 mod subject;
 
 use std::path::PathBuf;
@@ -36,6 +37,7 @@ use crate::render_file::hash_text;
 use charts::Curve;
 pub use maps::VerifyMaps;
 use page::write_page;
+pub use progress::{LastLook, VerifyProgress};
 use subject::Subject;
 
 /// Pictures of each renderer at the first look: Welch's t with 14 degrees of freedom is already within twice the normal quantile.
@@ -131,17 +133,6 @@ pub struct VerifiedRender {
     pub maps: VerifyMaps,
 }
 
-/// How far a comparison is.
-#[derive(Clone, Copy, Debug)]
-pub struct VerifyProgress {
-    /// Pictures of each renderer so far.
-    pub pictures: usize,
-    /// Pictures at the next look.
-    pub next_look: usize,
-    /// The verdict of the last look.
-    pub verdict: Option<Verdict>,
-}
-
 /// Compares our picture of a scene with that of Cycles. `watch` hears how far it is.
 ///
 /// # Errors
@@ -179,9 +170,15 @@ pub fn verify_render(
     // Draw in turn, and look at each doubling, until there is a verdict.
     let began = Instant::now();
     let (mut ours, mut theirs) = (Series::default(), Series::default());
-    let (mut look, mut next_look) = (0, FIRST_LOOK);
+    let (mut look, mut next_look, mut last_look) = (0, FIRST_LOOK, None);
     let (mut agreement, cycles_bytes) = loop {
-        watch(VerifyProgress { pictures: ours.set.len(), next_look, verdict: None });
+        let seconds = began.elapsed().as_secs_f64();
+        watch(VerifyProgress {
+            pictures: ours.set.len(),
+            next_look,
+            seconds_left: request.seconds.map(|limit| (limit - seconds).max(0.0)),
+            last_look,
+        });
         let number = ours.set.len() as u64 + 1;
         let (picture, seconds) = us.picture(&subject.scene, number, request.spp, job)?;
         ours.push(picture, seconds);
@@ -193,7 +190,6 @@ pub fn verify_render(
         }
         let agreement = judge(&ours.set, &theirs.set, &us.covered, level_of_look(look));
         let is_last = is_late || ours.set.len() >= MOST_PICTURES;
-        watch(VerifyProgress { pictures: ours.set.len(), next_look, verdict: Some(agreement.verdict) });
         // A first look that agrees is followed by a second, so that a smaller difference has a chance to be proven.
         let is_told = match agreement.verdict {
             Verdict::Differs => true,
@@ -203,7 +199,7 @@ pub fn verify_render(
         if is_told || is_last {
             break (agreement, drawn.peak_bytes);
         }
-        (look, next_look) = (look + 1, 2 * next_look);
+        (look, next_look, last_look) = (look + 1, 2 * next_look, Some(LastLook::of(&agreement)));
     };
 
     let sentence = said(&mut agreement, cycles.without_order(), &mut subject.notes);

@@ -14,7 +14,8 @@
 
 use crate::{BoxBounds, RenderError};
 use glam::{DAffine3, DVec3};
-use pumice_core::MeshData;
+use pumice_core::reserve::collected;
+use pumice_core::{MeshData, NoMemory};
 
 use super::placement::Placement;
 
@@ -34,7 +35,7 @@ impl MeshGrid {
     /// The grid of `mesh`, which is number `place` of the scene's meshes.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] names the mesh if its longest side is outside 1e-270 to 1e270.
+    /// [`RenderError::Scene`] names the mesh if its longest side is outside 1e-270 to 1e270; [`RenderError::Memory`].
     pub fn new(place: u32, mesh: &MeshData) -> Result<Self, RenderError> {
         let places = || mesh.positions().iter().map(|&p| DVec3::from(p));
         let lo = places().reduce(DVec3::min).unwrap_or_default();
@@ -48,7 +49,8 @@ impl MeshGrid {
         }
         let exponent = if side == 0.0 { 0 } else { (side.to_bits() >> 52) as i32 - 1023 };
         let cells_a_unit = 2f64.powi(19 - exponent);
-        let corners = places().map(|p| ((p - lo) * cells_a_unit + MARGIN).as_vec3().to_array()).collect();
+        let corners = places().map(|p| ((p - lo) * cells_a_unit + MARGIN).as_vec3().to_array());
+        let corners = collected(mesh.positions().len(), corners, "the corners of a mesh")?;
         let unit = 1.0 / cells_a_unit;
         let mesh_from_grid = DAffine3::from_scale_rotation_translation(
             DVec3::splat(unit),
@@ -59,13 +61,17 @@ impl MeshGrid {
     }
 
     /// Bounds and index of each triangle, for building a hierarchy.
-    pub fn bounds(&self, mesh: &MeshData) -> Vec<(BoxBounds, u32)> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn bounds(&self, mesh: &MeshData) -> Result<Vec<(BoxBounds, u32)>, NoMemory> {
         let bounds = |&corners: &[u32; 3]| {
             let cells = corners.map(|c| self.corners[c as usize].map(|v| v as u32));
             let whole = cells.iter().fold(BoxBounds::EMPTY, |b, &c| b.union(BoxBounds { lo: c, hi: c }));
             BoxBounds { lo: whole.lo.map(|v| v - 1), hi: whole.hi.map(|v| v + 2) }
         };
-        mesh.triangles().iter().map(bounds).zip(0..).collect()
+        let triangles = mesh.triangles();
+        collected(triangles.len(), triangles.iter().map(bounds).zip(0..), "the bounds of a mesh's triangles")
     }
 
     /// Size on the heap in bytes.
@@ -112,7 +118,7 @@ mod tests {
                 let bound = side / (1u64 << 24) as f64 + at.abs() * 4.0 * f64::EPSILON;
                 assert!(error <= bound, "{error} > {bound} at {at}");
             }
-            let [(bounds, 0)] = grid.bounds(&data)[..] else { panic!("one triangle") };
+            let [(bounds, 0)] = grid.bounds(&data).unwrap()[..] else { panic!("one triangle") };
             for g in &grid.corners {
                 let within =
                     |a: usize| bounds.lo[a] as f32 + 1.0 <= g[a] && g[a] + 1.0 <= bounds.hi[a] as f32;

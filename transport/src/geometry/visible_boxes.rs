@@ -3,13 +3,21 @@
 use std::ops::Range;
 
 use crate::BoxBounds;
-use pumice_core::CompressedVolume;
+use pumice_core::reserve::reserved;
+use pumice_core::{CompressedVolume, NoMemory};
 
 use super::each_axis;
 
 /// Bounds and index of each box of a visible label, in the volume's order. `tight` bounds enclose the box's voxels only.
-pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -> Vec<(BoxBounds, u32)> {
-    let mut boxes = Vec::with_capacity(count_visible(volume, visible) as usize);
+///
+/// # Errors
+/// [`NoMemory`].
+pub fn visible_boxes(
+    volume: &CompressedVolume,
+    visible: &[bool],
+    tight: bool,
+) -> Result<Vec<(BoxBounds, u32)>, NoMemory> {
+    let mut boxes = reserved(count_visible(volume, visible) as usize, "a list of the boxes that are shown")?;
     for i in visible_ranges(volume, visible).flatten() {
         let place = volume.place_of_box(i as usize);
         let bounds = if tight {
@@ -21,7 +29,7 @@ pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -
         };
         boxes.push((bounds, i as u32));
     }
-    boxes
+    Ok(boxes)
 }
 
 /// Number of boxes of visible labels.

@@ -50,7 +50,7 @@ impl PackedBoxes {
             let what = format!("{count} boxes are more than the limit of 2^32 of one instance");
             return Err(RenderError::Scene(what));
         }
-        let mut drawn = visible_boxes(volume, visible, tight);
+        let mut drawn = visible_boxes(volume, visible, tight)?;
         drawn.sort_unstable_by_key(|&(b, item)| (morton::encode(b.lo.map(|v| v / 4)), b, item));
         let mut packed = Self {
             boxes: reserved(drawn.len(), BOXES)?,

@@ -11,6 +11,7 @@
 //! the others              the same, of the mesh's grid
 //! ```
 
+use pumice_core::reserve::collected;
 use pumice_core::{MeshData, NoMemory};
 use pumice_transport::geometry::{MeshGrid, Placement};
 use pumice_transport::{BoxBounds, RenderError};
@@ -37,10 +38,12 @@ impl PackedMesh {
     /// As [`MeshGrid::new`].
     pub fn new(place: u32, mesh: &MeshData) -> Result<Self, RenderError> {
         let grid = MeshGrid::new(place, mesh)?;
-        let bounds = grid.bounds(mesh);
+        let bounds = grid.bounds(mesh)?;
         let all = bounds.iter().map(|b| b.0).reduce(BoxBounds::union);
         let all = all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });
-        let materials = (0..mesh.triangles().len()).map(|t| mesh.material(t)).collect();
+        let count = mesh.triangles().len();
+        let materials = (0..count).map(|t| mesh.material(t));
+        let materials = collected(count, materials, "the materials of a mesh's triangles")?;
         Ok(Self { grid, materials, bounds, all })
     }
 

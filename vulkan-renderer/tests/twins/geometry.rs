@@ -69,6 +69,7 @@ fn boxes_of_volume_are_read_as_compressed(volume: &Arc<CompressedVolume>) {
     let out = gpu.probe(false, 10, scene, &rows, 10);
     // The number of each box in the volume, found by label and lowest voxel; no two boxes have both the same.
     let by_place: std::collections::HashMap<_, _> = visible_boxes(volume, &traced.visible, false)
+        .expect("boxes")
         .into_iter()
         .map(|(_, index)| {
             let b = volume.get_box(index as usize);

@@ -126,7 +126,7 @@ impl LightScene {
         let style = &mut scene.instances[0].style;
         style.material = PLASTIC;
         style.materials = LabelMaterials::default();
-        style.groups = groups(&ids, self.looks()).map_err(in_file)?;
+        style.groups = groups(&ids, self.materials()).map_err(in_file)?;
         scene.world.backdrop = None;
         scene.world.environment = self.environment(folder)?;
         scene.suns = self.suns();
@@ -137,7 +137,7 @@ impl LightScene {
     }
 
     /// Materials besides rough plastic.
-    fn looks(self) -> &'static [Material] {
+    fn materials(self) -> &'static [Material] {
         match self {
             Self::SkyFloor => &[GLASS],
             Self::HdrSpots => &[METAL, COAT],
@@ -195,13 +195,13 @@ fn toward_sun() -> DVec3 {
     DVec3::new(-0.6, -0.48, 0.64).normalize()
 }
 
-/// Groups of labels: of `looks.len() + 1` labels in a row, the first stays in no group, and each other one has one of the looks.
-fn groups(ids: &[u64], looks: &[Material]) -> std::result::Result<LabelGroups, SceneError> {
-    let of_look = |(place, material): (usize, &Material)| {
-        let members = ids.iter().skip(place + 1).step_by(looks.len() + 1).copied().collect();
+/// Groups of labels: of `materials.len() + 1` labels in a row, the first stays in no group, and each other one has one of the materials.
+fn groups(ids: &[u64], materials: &[Material]) -> std::result::Result<LabelGroups, SceneError> {
+    let group_of = |(place, material): (usize, &Material)| {
+        let members = ids.iter().skip(place + 1).step_by(materials.len() + 1).copied().collect();
         LabelGroup::new(*material, members, Vec::new())
     };
-    LabelGroups::new(looks.iter().enumerate().map(of_look).collect::<std::result::Result<_, _>>()?)
+    LabelGroups::new(materials.iter().enumerate().map(group_of).collect::<std::result::Result<_, _>>()?)
 }
 
 /// An area light at a point, which shines towards the figure.
@@ -244,9 +244,9 @@ mod tests {
     use super::*;
     use pumice_oracle::volumes::blobs;
 
-    /// Each label has one look, and all looks have as many labels but for one.
+    /// Each label has one material, and all materials have as many labels but for one.
     #[test]
-    fn looks_take_turns() {
+    fn materials_take_turns() {
         let ids: Vec<u64> = (10..21).collect();
         let found = groups(&ids, &[METAL, COAT]).unwrap();
         let of: Vec<&[u64]> = found.iter().map(LabelGroup::ids).collect();

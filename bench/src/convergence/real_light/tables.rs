@@ -6,8 +6,9 @@ use std::path::Path;
 use pumice_session::error::{Result, SessionError};
 use pumice_session::plot::{Axes, Curve, log_log_svg};
 
-use super::{LightResult, MeasuredPart, Ratio};
+use super::{LightPoint, LightProgram, LightResult, MeasuredPart, Ratio};
 use crate::files::write_results;
+use crate::table::Table;
 
 /// Writes `convergence_real_light.csv`, `.md`, a plot for each scene, and `convergence_real_light_parts.csv` if parts were measured, into
 /// `folder`, which is created if missing. `machine` is a line that describes the machine.
@@ -30,8 +31,8 @@ pub(crate) fn write_real_light(folder: &Path, machine: &str, results: &[LightRes
 }
 
 /// The three numbers of a ratio as cells of a CSV; empty without one.
-fn ratio_cells(ratio: Option<Ratio>) -> String {
-    ratio.map_or(",,".into(), |r| format!("{:.3},{:.3},{:.3}", r.value, r.low, r.high))
+fn ratio_cells(ratio: Option<Ratio>) -> [String; 3] {
+    ratio.map_or_else(Default::default, |r| [r.value, r.low, r.high].map(|v| format!("{v:.3}")))
 }
 
 /// A ratio with its interval.
@@ -43,53 +44,67 @@ fn number(value: Option<f64>) -> String {
     value.map_or("–".into(), |v| format!("{v:.2}"))
 }
 
+/// Columns of a point.
+const OF_POINT: [&str; 6] = ["program", "samples", "CPU s", "wall s", "noise", "noise × CPU s"];
+
+/// A point of a program as cells: seconds with this many digits, the noise with one more.
+fn cells(program: &LightProgram, point: &LightPoint, digits: usize) -> Vec<String> {
+    let &LightPoint { spp, took, noise } = point;
+    let [cpu, wall] = [took.cpu_seconds, took.seconds].map(|seconds| format!("{seconds:.digits$}"));
+    let [own, product] = [noise, noise * took.cpu_seconds].map(|value| format!("{value:.*e}", digits + 1));
+    vec![program.name.clone(), spp.to_string(), cpu, wall, own, product]
+}
+
+/// Each point of a result with its program; and of ours, which are the first, how they compare with Cycles': the ratio of the noise, and that of
+/// the CPU seconds at Cycles' noise.
+fn points(
+    result: &LightResult,
+) -> impl Iterator<Item = (&LightProgram, &LightPoint, Option<Ratio>, Option<f64>)> {
+    result.programs.iter().enumerate().flat_map(move |(place, program)| {
+        program.points.iter().enumerate().map(move |(level, point)| {
+            let ours = place == 0;
+            let ratio = result.ratios.get(level).copied().flatten().filter(|_| ours);
+            let equal = result.cpu_ratio_at_equal_noise(level).filter(|_| ours);
+            (program, point, ratio, equal)
+        })
+    })
+}
+
 fn csv(results: &[LightResult]) -> String {
-    let mut text = String::from(
-        "scene,volume,width,height,bounces,seeds,program,samples,CPU s,wall s,noise,noise × CPU s,noise over Cycles',low,high,CPU s over Cycles' at its noise\n",
-    );
-    for result in results {
-        let [width, height] = result.size;
-        for (place, program) in result.programs.iter().enumerate() {
-            for (level, p) in program.points.iter().enumerate() {
-                let ours = place == 0;
-                let ratio = result.ratios.get(level).copied().flatten().filter(|_| ours);
-                let equal = result.cpu_ratio_at_equal_noise(level).filter(|_| ours);
-                let _ = writeln!(
-                    text,
-                    "{},{},{width},{height},{},{},{},{},{:.3},{:.3},{:.4e},{:.4e},{},{}",
-                    result.scene,
-                    result.volume,
-                    result.bounces,
-                    result.seeds,
-                    program.name,
-                    p.spp,
-                    p.took.cpu_seconds,
-                    p.took.seconds,
-                    p.noise,
-                    p.noise * p.took.cpu_seconds,
-                    ratio_cells(ratio),
-                    equal.map_or(String::new(), |e| format!("{e:.3}")),
-                );
-            }
-        }
-    }
-    text
+    let of_result = ["scene", "volume", "width", "height", "bounces", "seeds"];
+    let of_ratio = ["noise over Cycles'", "low", "high", "CPU s over Cycles' at its noise"];
+    let rows = results.iter().flat_map(|result| {
+        let [width, height] = result.size.map(|pixels| pixels.to_string());
+        let (bounces, seeds) = (result.bounces.to_string(), result.seeds.to_string());
+        let of_result = [result.scene.to_string(), result.volume.clone(), width, height, bounces, seeds];
+        points(result).map(move |(program, point, ratio, equal)| {
+            let equal = equal.map_or(String::new(), |e| format!("{e:.3}"));
+            [&of_result[..], &cells(program, point, 3), &ratio_cells(ratio), &[equal]].concat()
+        })
+    });
+    Table::new(&[&of_result[..], &OF_POINT, &of_ratio].concat(), rows).csv()
 }
 
 fn parts_csv(results: &[LightResult]) -> String {
-    let mut text = String::from(
-        "scene,part,share of the whole,Pumice's noise,Cycles' noise,noise over Cycles',low,high\n",
-    );
-    for result in results {
-        for part in &result.parts {
+    let columns = [
+        "scene",
+        "part",
+        "share of the whole",
+        "Pumice's noise",
+        "Cycles' noise",
+        "noise over Cycles'",
+        "low",
+        "high",
+    ];
+    let rows = results.iter().flat_map(|result| {
+        result.parts.iter().map(|part| {
             let share = share(part, &result.parts).map_or(String::new(), |s| format!("{s:.3}"));
             let noise = |i: usize| part.noise.get(i).map_or(String::new(), |n| format!("{n:.4e}"));
-            let ratio = ratio_cells(part.ratio);
-            let _ =
-                writeln!(text, "{},{},{share},{},{},{ratio}", result.scene, part.name, noise(0), noise(1));
-        }
-    }
-    text
+            let own = [result.scene.to_string(), part.name.clone(), share, noise(0), noise(1)];
+            [&own[..], &ratio_cells(part.ratio)].concat()
+        })
+    });
+    Table::new(&columns, rows).csv()
 }
 
 /// Pumice's noise of a part over that of the whole; `None` where the part is another picture.
@@ -105,22 +120,22 @@ fn markdown(machine: &str, results: &[LightResult]) -> String {
          pixels). Cycles has its light tree, and neither adaptive sampling nor a denoiser.\n"
     );
     if results.iter().any(|r| !r.ratios.is_empty()) {
-        text += "\n| scene | noise at the most samples | CPU s a sample | their product | CPU s at Cycles' noise |\n| --- | --- | --- | --- | --- |\n";
-        for result in results {
+        let columns = [
+            "scene",
+            "noise at the most samples",
+            "CPU s a sample",
+            "their product",
+            "CPU s at Cycles' noise",
+        ];
+        let row = |result: &LightResult| {
             let ratio = result.ratios.last().copied().flatten();
             let cost = result.cpu_ratio_a_sample();
             let product = ratio.zip(cost).map(|(r, c)| r.value * c);
             let equal = result.cpu_ratio_at_equal_noise(result.ratios.len().saturating_sub(1));
-            let _ = writeln!(
-                text,
-                "| {} | {} | {} | {} | {} |",
-                result.scene,
-                ratio_text(ratio),
-                number(cost),
-                number(product),
-                number(equal)
-            );
-        }
+            vec![result.scene.to_string(), ratio_text(ratio), number(cost), number(product), number(equal)]
+        };
+        text += "\n";
+        text += &Table::new(&columns, results.iter().map(row)).markdown();
     }
     for result in results {
         scene_section(&mut text, result);
@@ -142,33 +157,22 @@ fn scene_section(text: &mut String, result: &LightResult) {
             " Cycles has {faces} voxel faces. The two programs' means differ by {errors:.1} standard errors."
         );
     }
-    *text += "\n\n| program | samples | CPU s | wall s | noise | noise × CPU s | noise over Cycles' | CPU s over Cycles' at its noise |\n\
-              | --- | --- | --- | --- | --- | --- | --- | --- |\n";
-    for (place, program) in result.programs.iter().enumerate() {
-        for (level, p) in program.points.iter().enumerate() {
-            let ours = place == 0;
-            let _ = writeln!(
-                text,
-                "| {} | {} | {:.2} | {:.2} | {:.3e} | {:.3e} | {} | {} |",
-                program.name,
-                p.spp,
-                p.took.cpu_seconds,
-                p.took.seconds,
-                p.noise,
-                p.noise * p.took.cpu_seconds,
-                ratio_text(result.ratios.get(level).copied().flatten().filter(|_| ours)),
-                number(result.cpu_ratio_at_equal_noise(level).filter(|_| ours)),
-            );
-        }
-    }
+    let rows = points(result).map(|(program, point, ratio, equal)| {
+        [&cells(program, point, 2)[..], &[ratio_text(ratio), number(equal)]].concat()
+    });
+    let columns = [&OF_POINT[..], &["noise over Cycles'", "CPU s over Cycles' at its noise"]].concat();
+    *text += "\n\n";
+    *text += &Table::new(&columns, rows).markdown();
     if !result.parts.is_empty() {
-        *text += "\n| part | share of Pumice's noise | Pumice's noise | Cycles' noise | noise over Cycles' |\n| --- | --- | --- | --- | --- |\n";
-        for part in &result.parts {
+        let columns =
+            ["part", "share of Pumice's noise", "Pumice's noise", "Cycles' noise", "noise over Cycles'"];
+        let row = |part: &MeasuredPart| {
             let percent = share(part, &result.parts).map_or("–".into(), |s| format!("{:.0} %", 100.0 * s));
             let noise = |i: usize| part.noise.get(i).map_or("–".into(), |n| format!("{n:.3e}"));
-            let ratio = ratio_text(part.ratio);
-            let _ = writeln!(text, "| {} | {percent} | {} | {} | {ratio} |", part.name, noise(0), noise(1));
-        }
+            vec![part.name.clone(), percent, noise(0), noise(1), ratio_text(part.ratio)]
+        };
+        *text += "\n";
+        *text += &Table::new(&columns, result.parts.iter().map(row)).markdown();
     }
 }
 
@@ -189,7 +193,6 @@ fn svg(result: &LightResult) -> std::result::Result<String, String> {
 
 #[cfg(test)]
 mod tests {
-    use super::super::{LightPoint, LightProgram};
     use super::*;
     use crate::timing::Took;
 

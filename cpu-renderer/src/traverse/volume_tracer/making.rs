@@ -27,7 +27,7 @@ impl VolumeTracer {
     /// Builds the hierarchy over the boxes of visible labels.
     ///
     /// # Errors
-    /// [`RenderError::Scene`] if the matrix is singular or there are too many boxes to number.
+    /// [`RenderError::Scene`] if the matrix is singular or there are too many boxes to number; [`RenderError::Memory`].
     pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
         let TracedInstance { volume, world_from_index, visible, lod } = traced;
         let placement = Placement::of_instance(instance, *world_from_index)?;
@@ -38,7 +38,7 @@ impl VolumeTracer {
             )));
         }
         let tight = *lod == LodChoice::Voxels;
-        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, tight))?);
+        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, tight)?)?);
         let detail = lod.placed(world_from_index);
         Ok(Self {
             volume: Arc::clone(volume),
