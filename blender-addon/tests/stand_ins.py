@@ -134,6 +134,12 @@ class Module:
             self.ids, self.groups, self.colors = np.array(ids), np.array(groups), np.array(colors)
             self.materials, self.colored = list(materials), list(colored)
 
+        def with_colors(self, ids, colors):
+            changed = copy.deepcopy(self)
+            changed.colors[np.searchsorted(self.ids, ids)] = colors
+            changed.sent = len(ids)
+            return changed
+
     class Scene:
         def __init__(self, value, labels=None):
             self.value, self.labels = value, labels or {}

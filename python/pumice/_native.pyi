@@ -147,6 +147,10 @@ class LabelGroups:
         Label `ids[i]`, in rising order, belongs to group `groups[i]` and has the linear colour `colors[4 i..4 i + 3]`. `materials` is a JSON
         list of a material for each group, and `colored` says whether colours of labels replace its base colour.
         """
+    def with_colors(self, /, ids: Buffer, colors: Buffer) -> LabelGroups:
+        """
+        The same groups, in which label `ids[i]`, in rising order, has the linear colour `colors[4 i..4 i + 3]`.
+        """
 
 @final
 class Mesh:
