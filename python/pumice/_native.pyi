@@ -312,10 +312,14 @@ class Renderer:
         """
         How often each kind of data was built, by name; waits for a picture that is being rendered.
         """
-    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool], *, job: Job | None, on_progress: Any | None) -> Picture:
+    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool, bool], *, job: Job | None, on_progress: Any | None) -> Picture:
         """
-        Renders a scene until the first limit is reached. `watching`: whether frames are published, and whether a cancelled render returns its
-        picture so far.
+        Renders a scene until the first limit is reached. `watching`: whether frames are published, whether pictures so far are
+        made with all passes, and whether a cancelled render returns its picture so far.
+        """
+    def take_so_far(self, /) -> Picture | None:
+        """
+        The newest picture so far with all its passes, of what is rendered now, if it was not taken before; never waits.
         """
 
 @final

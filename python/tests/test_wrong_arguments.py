@@ -118,7 +118,7 @@ def made(small, tmp_path_factory):
         "figure of some": (pumice.figure, {"volume": volume, "pick": 1}),
         "render": (pumice.render, {**rendering, "backend": "cpu"}),
         "Renderer": (pumice.Renderer, {"backend": "cpu"}),
-        "Renderer.render": (renderer.render, {**rendering, "growing": False, "unfinished": False}),
+        "Renderer.render": (renderer.render, {**rendering, "growing": False, "growing_passes": False, "unfinished": False}),
         "Renderer.latest": (renderer.latest, {"after": 0}),
         "Session": (pumice.Session, {"scene": scene, "volumes": volume, "meshes": (), "backend": "cpu", "denoise": False, **limits}),
         "Session.edit": (lambda edit: session.edit(edit), {"edit": {"edit": "cuts", "cuts": []}}),
