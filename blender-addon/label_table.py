@@ -70,9 +70,10 @@ def create(name, labels):
 
 def ids(mesh):
     """Original ids, uint64, rising."""
+    low = _read(mesh, "id_low", "value", np.int32, 1).view(np.uint32)
     found = _read(mesh, "id_high", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
     found <<= np.uint64(32)
-    found |= _read(mesh, "id_low", "value", np.int32, 1).view(np.uint32)
+    found |= low
     return found
 
 
