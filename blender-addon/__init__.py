@@ -25,6 +25,7 @@ A module imports only from lines below its own:
     provenance           figure_frame         figure_part          proxy
     proxy_material
     sync.*           registry             preferences          file_facts           label_carry          figure_settings
+    active_volume
     label_table      properties           cache                devices              mesh_file            units
     file_paths       volume_place
     background       verify_maps

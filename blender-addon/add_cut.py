@@ -15,7 +15,7 @@ import bpy
 from bpy.props import EnumProperty
 from mathutils import Matrix, Vector
 
-from . import volume_place
+from . import active_volume, volume_place
 from .properties import is_volume
 from .reports import Refused, log, one_line
 from .sync import cuts
@@ -54,7 +54,7 @@ class PUMICE_OT_add_cut(bpy.types.Operator):
 
     @classmethod
     def poll(cls, context):
-        return _active_volume(context) is not None or _needs(cls, "Make a volume active first")
+        return _active_volume(context) is not None or _needs(cls, active_volume.MAKE_ACTIVE)
 
     def execute(self, context):
         return _run_and_report(self, lambda: self._add(context))

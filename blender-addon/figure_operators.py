@@ -14,9 +14,8 @@ import math
 import bpy
 from bpy.props import EnumProperty
 
-from . import figure_follow, figure_part, figure_settings, final_render, legend, native, overlay, preferences, registry
+from . import active_volume, figure_follow, figure_part, figure_settings, final_render, legend, native, overlay, preferences, registry
 from .background import InBackground, Work
-from .properties import is_volume
 from .reports import Refused, log, one_line
 
 # dpi, samples, error in percent, bounces.
@@ -87,20 +86,16 @@ class PUMICE_OT_figure_size(_OfFigure, bpy.types.Operator):
         return size_line(context.scene)
 
 
-def active_volume(context):
-    """The active object if it is a volume, or the volume of a scale bar or legend that is active, as after it was added; else None. In Output,
-    where the buttons are, Blender's `context.object` is None."""
-    obj = context.view_layer.objects.active
-    if obj is not None and obj.pumice_figure.kind != "NONE":
-        obj = obj.pumice_figure.volume
-    return obj if obj is not None and is_volume(obj) and obj.name in context.scene.objects else None
+def _volume(context):
+    """The active volume, as `active_volume` finds it. In Output, where the buttons are, Blender's `context.object` is None."""
+    return active_volume.belonging(context, context.view_layer.objects.active)
 
 
 class _AddsPart(_OfFigure):
     @classmethod
     def poll(cls, context):
-        if active_volume(context) is None:
-            cls.poll_message_set("Make a volume active first")
+        if _volume(context) is None:
+            cls.poll_message_set(active_volume.MAKE_ACTIVE)
             return False
         if context.scene.camera is None:
             cls.poll_message_set("The scene has no camera; a scale bar and a legend stand in its view")
@@ -125,7 +120,7 @@ class PUMICE_OT_add_scale_bar(_AddsPart, bpy.types.Operator):
     corner: EnumProperty(name="Corner", description="Corner of the picture", items=figure_settings.CORNERS, default="LOWER_RIGHT")
 
     def change(self, context):
-        volume = active_volume(context)
+        volume = _volume(context)
         obj = figure_part.create(context, "Scale Bar", "SCALE_BAR", volume)
         obj.pumice_figure.corner = self.corner
         self.made(context, obj)
@@ -151,7 +146,7 @@ class PUMICE_OT_add_legend(_AddsPart, bpy.types.Operator):
     corner: EnumProperty(name="Corner", description="Corner of the picture", items=figure_settings.CORNERS, default="UPPER_LEFT")
 
     def change(self, context):
-        volume, labels = active_volume(context), ""
+        volume, labels = _volume(context), ""
         if self.entries == "SELECTED":
             labels = legend.selected(volume.pumice.table)
             if not labels:

@@ -72,17 +72,13 @@ def render(engine, depsgraph):
             engine.report({"WARNING"}, placed.differs(volume))
 
     # Render, and show what there is.
-    work = render_work.Work(pumice, kept.renderer, scene, volumes, parts.geometries(), limits(wishes), growing=is_watched())
-    shown = []
-
-    def show(frame):
-        render_result.show_frame(engine, view_layer, frame, size)
-        shown.append(frame.serial)
-
-    picture = work.watch(engine, show)
+    growing, watched = render_result.Growing(engine, view_layer, size), is_watched()
+    shown = dict(growing=watched, growing_passes=watched and bool(passes.wanted(view_layer)))
+    work = render_work.Work(pumice, kept.renderer, scene, volumes, parts.geometries(), limits(wishes), **shown)
+    picture = work.watch(engine, growing)
     if picture is None:
         # If there is a coarse frame, it stays.
-        if not shown:
+        if growing.is_empty:
             render_result.leave_empty(engine, view_layer, size)
         return
     for line in picture.notices:

@@ -3,7 +3,8 @@
 """What labels have goes from one table to another by id: when a volume is reloaded, and when the next volume of a series is imported.
 
     kept      a label with this id is in both tables: it has the columns of the former table (color, visibility, group, selection, numbers)
-    new       only the new volume has the id: its color is the file's, or the one that is farthest from those of its neighbors
+    new       only the new volume has the id: its color is the file's, or the one that is farthest from those of its neighbors; its group is
+              that of the kept labels of its type, where these are in one group, else the first
     gone      only the former table has the id: nothing is left of it
 
 Numbers of voxels, bounds and columns that the new volume has itself are the new volume's. Whole columns are copied, so that 10⁵ labels take a
@@ -71,7 +72,22 @@ def everything(old, new, volume):
         _copy_column(attribute, new, same)
     label_table.set_names(new, _texts(label_table.names(old), label_table.names(new), same, len(new.vertices)))
     label_table.set_types(new, _texts(_types(old), _types(new), same, len(new.vertices)))
+    _join_types(new, same)
     return same, left_out
+
+
+def _join_types(new, same):
+    """Puts new labels into the group of the kept labels of their type, where all of these are in one."""
+    kinds = label_table.type_names(new)
+    if not kinds:
+        return
+    slots, of, is_new = label_table.slots(new), label_table.types(new), np.ones(len(new.vertices), dtype=bool)
+    is_new[same.new_rows] = False
+    lowest, highest = np.full(len(kinds), np.iinfo(np.int32).max), np.full(len(kinds), -1)
+    np.minimum.at(lowest, of[~is_new], slots[~is_new])
+    np.maximum.at(highest, of[~is_new], slots[~is_new])
+    rows = np.flatnonzero(is_new & (lowest == highest)[of])
+    label_table.set_slots(new, rows, lowest[of[rows]])
 
 
 def _copy_column(attribute, new, same):

@@ -9,25 +9,28 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from . import color_ramp, file_paths, first_look, label_colors, label_search, label_table, native, registry, volume_place
+from . import active_volume, color_ramp, file_paths, first_look, label_colors, label_search, label_table, native, registry, volume_place
 from .reports import Refused, log, one_line
 
 MOST_64 = (1 << 64) - 1
 
 
 class OnLabels:
-    """An operator on the labels of the active volume object; its `change` gets the table and returns what to tell the user."""
+    """An operator on the labels of the active volume, as `active_volume` finds it; its `change` gets the table and returns what to tell the user."""
 
     bl_options = {"REGISTER", "UNDO"}
     changes_table = True
 
     @classmethod
     def poll(cls, context):
-        return label_search.table_of(context) is not None
+        if label_search.table_of(context) is None:
+            cls.poll_message_set(active_volume.MAKE_ACTIVE)
+            return False
+        return True
 
     def execute(self, context):
         try:
-            table = own_table(context.object) if self.changes_table else label_search.table_of(context)
+            table = own_table(active_volume.of(context)) if self.changes_table else label_search.table_of(context)
             said = self.change(context, table)
         except Exception as error:
             log(error)
@@ -171,7 +174,7 @@ class PUMICE_OT_labels_select_group(OnLabels, bpy.types.Operator):
 
     def change(self, context, table):
         flags = label_table.selected(table)
-        flags[label_table.slots(table) == slot_of(context.object, self.slot)] = not self.deselect
+        flags[label_table.slots(table) == slot_of(active_volume.of(context), self.slot)] = not self.deselect
         label_table.set_selected(table, flags)
         tag_users(table)
 
@@ -297,7 +300,7 @@ class PUMICE_OT_labels_assign(OnLabels, bpy.types.Operator):
     slot: IntProperty(name="Slot", description="Material slot, counted from 0; -1 is the active one", default=-1, min=-1)
 
     def change(self, context, table):
-        label_table.set_slots(table, selected(table), slot_of(context.object, self.slot))
+        label_table.set_slots(table, selected(table), slot_of(active_volume.of(context), self.slot))
         tag_users(table)
 
 
@@ -310,9 +313,10 @@ class PUMICE_OT_labels_frame(OnLabels, bpy.types.Operator):
 
     def change(self, context, table):
         rows, labels = selected(table), _labels(context, table)
-        place = volume_place.world_from_index(context.object)
+        obj = active_volume.of(context)
+        place = volume_place.world_from_index(obj)
         if place is None:
-            raise Refused(f"{context.object.name}: {volume_place.LOST}")
+            raise Refused(f"{obj.name}: {volume_place.LOST}")
         low, high = labels.low[rows].min(axis=0).astype(float), labels.high[rows].max(axis=0) + 1.0
         corners = np.array([[(low, high)[bit >> axis & 1][axis] for axis in range(3)] for bit in range(8)])
         first_look.frame(context, corners @ place[:3, :3].T + place[:3, 3])
@@ -342,14 +346,15 @@ def slot_of(obj, slot):
 
 
 def _labels(context, table):
-    """The labels of the active object's volume, by the rows of its label table. Raises Refused."""
-    entry = registry.request(file_paths.find(context.object)[0])
+    """The labels of the active volume, by the rows of its label table. Raises Refused."""
+    obj = active_volume.of(context)
+    entry = registry.request(file_paths.find(obj)[0])
     native.require()
     # A few seconds at most, once in a session: an operator must end before it returns.
     entry.done.wait()
     if entry.error:
         raise Refused(entry.error)
-    label_table.require_rows(label_table.ids(table), entry.volume.labels, context.object.name)
+    label_table.require_rows(label_table.ids(table), entry.volume.labels, obj.name)
     return entry.volume.labels
 
 

@@ -7,7 +7,8 @@ Drawing reads the table and writes nothing: Blender forbids it, and the list has
 
 import bpy
 
-from . import label_search, label_table
+from . import active_volume, label_search, label_table
+from .properties import is_volume
 
 
 class PUMICE_UL_labels(bpy.types.UIList):
@@ -84,11 +85,15 @@ class PUMICE_VIEW3D_PT_labels(_Labels, bpy.types.Panel):
 
 
 class PUMICE_OBJECT_PT_labels(_Labels, bpy.types.Panel):
-    """Panel: labels, in Object Data."""
+    """Panel: labels, in Object Data, which shows the active object's alone."""
 
     bl_space_type = "PROPERTIES"
     bl_region_type = "WINDOW"
     bl_context = "data"
+
+    @classmethod
+    def poll(cls, context):
+        return super().poll(context) and context.object == active_volume.of(context)
 
 
 class PUMICE_MATERIAL_PT_groups(bpy.types.Panel):
@@ -101,7 +106,8 @@ class PUMICE_MATERIAL_PT_groups(bpy.types.Panel):
 
     @classmethod
     def poll(cls, context):
-        return label_search.table_of(context) is not None and bool(context.object.material_slots)
+        obj = context.object
+        return obj is not None and is_volume(obj) and obj.pumice.table is not None and bool(obj.material_slots)
 
     def draw(self, context):
         obj = context.object

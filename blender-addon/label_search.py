@@ -13,8 +13,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, CollectionProperty, IntProperty, PointerProperty, StringProperty
 
-from . import label_table, native
-from .properties import is_volume
+from . import active_volume, label_table, native
 from .reports import one_line
 
 # Most rows in the list. Blender walks through a whole list at each redraw.
@@ -53,9 +52,9 @@ def index(mesh):
 
 
 def table_of(context):
-    """The label table of the active volume object, or None."""
-    obj = context.object
-    return obj.pumice.table if obj is not None and is_volume(obj) else None
+    """The label table of the active volume, as `active_volume` finds it, or None."""
+    obj = active_volume.of(context)
+    return obj.pumice.table if obj is not None else None
 
 
 def rows(context):
@@ -133,6 +132,7 @@ class PumiceLabelSearch(bpy.types.PropertyGroup):
 def _follow(scene, _depsgraph=None):
     """Searches again once another volume is active, which undo and loading cause too, and with Shown Only once other labels are shown."""
     context = bpy.context
+    active_volume.remember(context)
     search = getattr(context.window_manager, "pumice_labels", None)
     table = table_of(context) if getattr(context, "object", None) is not None else None
     if search is None:
@@ -144,6 +144,7 @@ def _follow(scene, _depsgraph=None):
 @bpy.app.handlers.persistent
 def _forget(*_):
     _indices.clear()
+    active_volume.forget()
 
 
 CLASSES = (PumiceLabelHit, PumiceLabelSearch)

@@ -70,9 +70,11 @@ def create(name, labels):
 
 def ids(mesh):
     """Original ids, uint64, rising."""
-    low = _read(mesh, "id_low", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
-    high = _read(mesh, "id_high", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
-    return low | (high << np.uint64(32))
+    low = _read(mesh, "id_low", "value", np.int32, 1).view(np.uint32)
+    found = _read(mesh, "id_high", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
+    found <<= np.uint64(32)
+    found |= low
+    return found
 
 
 def require_rows(table_ids, labels, owner):
@@ -91,7 +93,8 @@ def slots(mesh):
     """The group of each label, int32: a material slot of the object; 0 in tables of earlier versions."""
     if "slot" not in mesh.attributes:
         return np.zeros(len(mesh.vertices), dtype=np.int32)
-    return np.maximum(_read(mesh, "slot", "value", np.int32, 1), 0)
+    found = _read(mesh, "slot", "value", np.int32, 1)
+    return np.maximum(found, 0, out=found)
 
 
 def own_color(mesh):

@@ -71,7 +71,7 @@ class Pass(NamedTuple):
             # As Cycles has it.
             return np.where(np.isfinite(found), found, NOTHING_DEPTH)
         if self.ours == "label" and found.size and int(found.max()) > LARGEST_EXACT_LABEL:
-            raise Refused("The volume has more than 16,777,215 labels: the Label pass cannot hold them; switch it off")
+            raise Refused("The volume has more than 16,777,216 labels: the Label pass cannot hold them; switch it off")
         return found
 
 

@@ -19,12 +19,13 @@ LOOK_SECONDS = 0.05
 class Work:
     """A render that has begun; `stop` are the limits of `final_render.limits`."""
 
-    def __init__(self, pumice, renderer, scene, volumes, meshes, stop, *, growing):
+    def __init__(self, pumice, renderer, scene, volumes, meshes, stop, *, growing, growing_passes=False):
         self.pumice, self.renderer, self.stop = pumice, renderer, stop
         self.job = pumice.Job()
         self.point = None
         self.picture = self.error = None
-        arguments = dict(meshes=meshes, growing=growing, unfinished=True, job=self.job, on_progress=self._progress, **stop)
+        shown = dict(growing=growing, growing_passes=growing_passes, unfinished=True)
+        arguments = dict(meshes=meshes, job=self.job, on_progress=self._progress, **shown, **stop)
         self.thread = threading.Thread(target=self._run, args=(scene, volumes, arguments), name="pumice render")
         self.thread.start()
 
@@ -37,19 +38,15 @@ class Work:
     def _progress(self, point):
         self.point = point
 
-    def watch(self, engine, show):
-        """The picture, unfinished if the user cancelled; None if it then has no sample. Calls `show` with each new frame. Raises what the
-        render raised."""
-        serial = 0
+    def watch(self, engine, growing):
+        """The picture, unfinished if the user cancelled; None if it then has no sample. Shows frames and passes in `growing`, a
+        `render_result.Growing`. Raises what the render raised."""
         try:
             while self.thread.is_alive():
                 self.thread.join(LOOK_SECONDS)
                 if engine.test_break():
                     self.job.cancel()
-                frame = self.renderer.latest(serial)
-                if frame is not None:
-                    serial = frame.serial
-                    show(frame)
+                growing.look(self.renderer)
                 if self.point is not None:
                     done = fraction(self.point, self.stop)
                     engine.update_progress(done)

@@ -19,6 +19,9 @@ from .sync import nodes
 SHEAR_TOLERANCE = 1e-5
 # Custom property of an object: the 16 numbers of the map from voxels to the world of the volume's file, row by row.
 FILE_FROM_INDEX = "pumice_file_from_index"
+# Cells of Blender's Voxel Remesh along the longest side. Its default is 0.1 of the mesh's units, which are voxels here: of 512 voxels it asks for
+# 5,120 cells along each side, for which Blender 5.0.1 runs out of memory and aborts.
+REMESH_CELLS = 128
 # Most groups that an import makes: a list of more slots helps nobody.
 MOST_GROUPS = 32
 
@@ -40,6 +43,7 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
         label_carry.colors(former, table, volume)
     mesh = bpy.data.meshes.new(name)
     proxy.box(mesh, volume.dims)
+    mesh.remesh_voxel_size = max(volume.dims) / REMESH_CELLS
     obj = bpy.data.objects.new(name, mesh)
     obj.data.materials.append(material(name))
     settings = obj.pumice

@@ -10,7 +10,7 @@ import numpy as np
 
 from .. import file_paths, label_table, properties, volume_place
 from . import materials, matrix
-from .label_style import Columns, LabelStyle
+from .label_style import Columns, LabelStyle, MadeGroups
 from .parts import Placed
 
 
@@ -31,7 +31,8 @@ class Styles:
         if kept is not None and kept.columns is not None and columns is not None:
             columns = columns.unless_changed(kept.columns)
         if kept is None or kept.materials != dresses or kept.columns is not columns:
-            kept = self._kept[obj.original.session_uid] = LabelStyle(dresses, columns)
+            made = MadeGroups() if kept is None else kept.made
+            kept = self._kept[obj.original.session_uid] = LabelStyle(dresses, columns, made)
         if columns is not None:
             left_out += _unused(obj, columns.group)
         return kept, left_out
@@ -74,13 +75,18 @@ def _columns(table, slots):
     """The columns of a label table that affect the scene; None without a table."""
     if table is None:
         return None
-    color = label_table.colors(table).clip(0.0, 1.0)
+    color = label_table.colors(table)
+    # Scripts alone exceed this range, and to look is a third of the work of clipping.
+    if not (color.min(initial=0.0) >= 0.0 and color.max(initial=1.0) <= 1.0):
+        color = color.clip(0.0, 1.0)
     return Columns(label_table.ids(table), label_table.visible(table), _groups(table, slots), color)
 
 
 def _groups(table, slots):
     """The group of each label; as Blender does for faces, a slot that the object lacks is its last."""
-    return np.minimum(label_table.slots(table), slots - 1).astype(np.uint32)
+    group = label_table.slots(table)
+    # None is below 0, so the bits are those of the unsigned number.
+    return np.minimum(group, slots - 1, out=group).view(np.uint32)
 
 
 def _unused(obj, group):

@@ -5,10 +5,11 @@
     label table ──► columns (numpy, one value a label) ──► pumice.LabelGroups ──► scene: groups of the instance's style
     material slots ──► materials, one a group ─────────────┘
 
-Columns travel as arrays: an edit makes no object for a single label, and a change of a material sends the material alone.
+Columns travel as arrays: an edit makes no object for a single label, and a change of a material sends the material alone. Where colors alone
+differ from the groups that were made before, only the rows that differ travel.
 """
 
-from dataclasses import dataclass, fields
+from dataclasses import dataclass, field, fields
 
 import numpy as np
 
@@ -31,7 +32,7 @@ class Columns:
     def unless_changed(self, kept):
         """These columns with the arrays of others, `kept`, where they are equal; `kept` itself where all are. What compares columns later
         then finds the same arrays, and need not look into them."""
-        arrays = [(getattr(kept, field.name), getattr(self, field.name)) for field in fields(self)]
+        arrays = [(getattr(kept, column.name), getattr(self, column.name)) for column in fields(self)]
         shared = [old if np.array_equal(old, new) else new for old, new in arrays]
         return kept if all(one is old for one, (old, _) in zip(shared, arrays)) else Columns(*shared)
 
@@ -39,18 +40,45 @@ class Columns:
         """Whether the same labels are drawn."""
         return _same((self.visible, self.ids), (other.visible, other.ids))
 
+    def recolored(self, other):
+        """The rows whose colors differ from those of `other`; None where the ids or the groups differ."""
+        if not _same((self.ids, self.group), (other.ids, other.group)):
+            return None
+        # Four numbers are two of 64 bits, which is half of the work, and tells apart what is equal as numbers: that only sends a row more.
+        differ = np.ascontiguousarray(self.color).view(np.uint64) != np.ascontiguousarray(other.color).view(np.uint64)
+        return np.flatnonzero(differ[:, 0] | differ[:, 1])
+
 
 def _same(some, others):
     return all(a is b or np.array_equal(a, b) for a, b in zip(some, others))
 
 
+class MadeGroups:
+    """The groups that were made last of the labels of a volume object, from which the next ones are made where only colors differ."""
+
+    def __init__(self):
+        self._materials = self._columns = self._groups = None
+
+    def of(self, materials, columns, pumice):
+        """The `pumice.LabelGroups` of these materials, as `LabelStyle` has them, and columns."""
+        rows = columns.recolored(self._columns) if self._materials == materials else None
+        if rows is None:
+            dresses, colored = zip(*materials)
+            self._groups = pumice.LabelGroups(columns.ids, columns.group, columns.color, dresses, colored=colored)
+        elif len(rows):
+            self._groups = self._groups.with_colors(columns.ids[rows], columns.color[rows])
+        self._materials, self._columns = materials, columns
+        return self._groups
+
+
 @dataclass(frozen=True, eq=False)
 class LabelStyle:
     """The look of all labels: (fields of the material, whether labels' colors replace its base color) for each group; the columns, or None
-    for a volume without a table, whose labels all have the first material."""
+    for a volume without a table, whose labels all have the first material; and what earlier looks of the same object have made."""
 
     materials: tuple
     columns: Columns | None = None
+    made: MadeGroups = field(default_factory=MadeGroups)
 
     def fields(self):
         """The style of the scene's JSON form, without the groups."""
@@ -63,9 +91,7 @@ class LabelStyle:
 
     def groups(self, pumice):
         """The groups as `pumice.Scene.with_labels` takes them."""
-        materials, colored = zip(*self.materials)
-        columns = self.columns
-        return pumice.LabelGroups(columns.ids, columns.group, columns.color, materials, colored=colored)
+        return self.made.of(self.materials, self.columns, pumice)
 
     def on(self, scene, number, pumice):
         """A `pumice.Scene` with this look of the labels of an instance."""

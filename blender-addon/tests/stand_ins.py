@@ -134,6 +134,12 @@ class Module:
             self.ids, self.groups, self.colors = np.array(ids), np.array(groups), np.array(colors)
             self.materials, self.colored = list(materials), list(colored)
 
+        def with_colors(self, ids, colors):
+            changed = copy.deepcopy(self)
+            changed.colors[np.searchsorted(self.ids, ids)] = colors
+            changed.sent = len(ids)
+            return changed
+
     class Scene:
         def __init__(self, value, labels=None):
             self.value, self.labels = value, labels or {}
@@ -242,13 +248,18 @@ class Renderer:
 
     def __init__(self, module, backend):
         self.module, self.backend, self.frame, self.growing = module, backend, None, None
+        self.growing_passes = self.so_far = None
 
-    def render(self, scene, volumes, *, growing=False, unfinished=False, **arguments):
-        self.growing = growing
+    def render(self, scene, volumes, *, growing=False, growing_passes=False, unfinished=False, **arguments):
+        self.growing, self.growing_passes = growing, growing_passes
         return self.module.render(scene, volumes, backend=self.backend, unfinished=unfinished and self.module.has_samples, **arguments)
 
     def latest(self, after=0):
         return self.frame if self.frame is not None and self.frame.serial > after else None
+
+    def take_so_far(self):
+        taken, self.so_far = self.so_far, None
+        return taken
 
     def show(self, serial, pixels, coarse=False):
         self.frame = Frame(np.asarray(pixels, dtype=np.float32), serial, coarse)

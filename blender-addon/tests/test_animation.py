@@ -7,6 +7,7 @@ The oracle of a frame is a still of it: a render job of its own, whose renderer 
 """
 
 import os
+import time
 import types
 from pathlib import Path
 
@@ -370,9 +371,9 @@ def broken_off(extension, monkeypatch):
 def test_a_picture_that_grows_is_the_same_in_the_end(blender, scene, broken_off, extension, monkeypatch, tmp_path):  # noqa: F811
     render = scene.render
     render.resolution_x, render.resolution_y, scene.pumice.samples = 240, 160, 3
-    result, shown = load(extension, "render_result"), []
-    original = result.show_frame
-    monkeypatch.setattr(result, "show_frame", lambda *a: (shown.append(a[2].coarse), original(*a))[1])
+    growing, shown = load(extension, "render_result").Growing, []
+    original = growing.show_frame
+    monkeypatch.setattr(growing, "show_frame", lambda self, frame: (shown.append(frame.coarse), original(self, frame))[1])
     broken_off(1 << 30)
     grown = still(blender, scene, tmp_path, 1)
     assert shown, "it was shown while it grew"
@@ -380,6 +381,26 @@ def test_a_picture_that_grows_is_the_same_in_the_end(blender, scene, broken_off,
     count = len(shown)
     plain = still(blender, scene, tmp_path, 1)
     assert len(shown) == count and all(np.array_equal(grown[name], plain[name]) for name in plain)
+
+
+def test_passes_of_a_real_picture_arrive_while_it_grows(blender, scene, extension, monkeypatch, tmp_path):  # noqa: F811
+    """A render of a million samples that ESC ends once passes were shown."""
+    growing, final_render, shown = load(extension, "render_result").Growing, load(extension, "final_render"), []
+    original, render, end = growing.show_passes, final_render.render, time.monotonic() + 60.0
+    monkeypatch.setattr(growing, "show_passes", lambda self, picture: (shown.append(picture), original(self, picture))[1])
+    monkeypatch.setattr(final_render, "is_watched", lambda: True)
+    escape = lambda: bool(shown) or time.monotonic() > end  # noqa: E731
+    monkeypatch.setattr(final_render, "render", lambda engine, graph: render(Engine(engine, escape), graph))
+    scene.render.resolution_x, scene.render.resolution_y, scene.pumice.samples = 64, 48, 1 << 20
+    blender.context.view_layer.use_pass_z = True
+    written = still(blender, scene, tmp_path, 1)
+    (so_far,) = shown
+    depth = np.where(np.isfinite(so_far.depth), so_far.depth, np.float32(1e10))
+    assert so_far.spp >= 1 and np.array_equal(written["Depth.Z"], depth), "where the first surface is, further samples do not change"
+    # Control: without a pass there is nothing to show, so no picture so far is made.
+    blender.context.view_layer.use_pass_z, scene.pumice.samples = False, 64
+    still(blender, scene, tmp_path, 1)
+    assert len(shown) == 1
 
 
 @pytest.mark.full

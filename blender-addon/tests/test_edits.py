@@ -9,6 +9,8 @@ import importlib
 import numpy as np
 import pytest
 
+from stand_ins import Module
+
 
 @pytest.fixture
 def sync(extension):
@@ -140,6 +142,53 @@ def test_columns_read_again_share_the_arrays_that_did_not_change(sync):
         shared = new.unless_changed(kept)
         assert looks(sync.label_style.LabelStyle((), shared)) == looks(sync.label_style.LabelStyle((), new))
         assert [field for field in vars(kept) if getattr(shared, field) is not getattr(kept, field)] == [name]
+
+
+def real_style(sync, pumice_fields=({"roughness": 0.5}, {"alpha": 0.5}), *, color, made, **over):
+    """A style of three labels with their colors, whose materials the compiled module takes."""
+    rough, ghost = pumice_fields
+    base = style(sync, materials=((rough, True), (ghost, False)), color=color, **over)
+    return dataclasses.replace(base, made=made)
+
+
+def test_groups_with_changed_colors_are_those_that_are_made_anew(sync):
+    """Of a row of steps, each from the one before, with the compiled module; the groups of each step, made of nothing, are the oracle."""
+    import pumice
+
+    scene = pumice.figure(pumice.compress(np.arange(1, 9, dtype=np.uint8).reshape(2, 2, 2)), source="v.pumice", size=(8, 8))
+    text = lambda groups: scene.with_labels(1, groups=groups).to_json()  # noqa: E731
+    red, green, half = [1.0, 0.0, 0.0, 1.0], [0.0, 1.0, 0.0, 1.0], [1.0, 0.0, 0.5, 1.0]
+    steps = [
+        dict(color=[red, red, red]),
+        dict(color=[green, red, red]),
+        dict(color=[green, red, red]),
+        # Only the lower and only the upper half of the four numbers differ; the second label's group has no colors.
+        dict(color=[red, green, half]),
+        dict(color=[half, green, half], group=[1, 0, 0]),
+        dict(color=[green, green, red], group=[1, 0, 0]),
+        dict(color=[green, red, red], group=[1, 0, 0], pumice_fields=({"roughness": 0.9}, {"alpha": 0.5})),
+        dict(color=[green, green, green], group=[1, 0, 0], pumice_fields=({"roughness": 0.9}, {"alpha": 0.5})),
+        dict(color=[red, green, green], ids=[3, 18, 19]),
+    ]
+    made, seen = sync.label_style.MadeGroups(), []
+    for step in steps:
+        expected = text(real_style(sync, **step, made=sync.label_style.MadeGroups()).groups(pumice))
+        assert text(real_style(sync, **step, made=made).groups(pumice)) == expected, step
+        seen.append(expected)
+    # Negative control: the steps differ, where they ought to.
+    assert [a == b for a, b in zip(seen, seen[1:])] == [False, True, False, False, False, False, False, False]
+
+
+def test_only_rows_whose_color_differs_are_sent(sync):
+    many = 1000
+    columns = dict(ids=np.arange(many), visible=[True] * many, group=np.arange(many) % 2)
+    made, color, module = sync.label_style.MadeGroups(), np.full((many, 4), 0.5), Module()
+    look = lambda **over: dataclasses.replace(style(sync, color=color, **(columns | over)), made=made).groups(module)  # noqa: E731
+    first = look()
+    assert not hasattr(first, "sent") and look() is first
+    color[[3, 700], [0, 2]] = 0.25
+    assert look().sent == 2 and np.array_equal(look().colors, np.float32(color))
+    assert not hasattr(look(group=np.zeros(many)), "sent"), "labels of another group are sent with all others"
 
 
 @pytest.mark.parametrize("name", CUT_CASES)

@@ -81,6 +81,98 @@ def test_the_picture_grows_coarse_first_and_the_end_is_the_whole_picture(stage, 
     assert np.array_equal(written["Combined.G"], at * 2) and np.array_equal(written["Depth.Z"].ravel()[1:], at.ravel()[1:] + 0.5)
 
 
+def so_far(plus):
+    """A picture so far, whose pixels and passes count from `plus`."""
+    at = np.arange(96, dtype=np.float32).reshape(8, 12) + np.float32(plus)
+    found = {"depth": at, "label": at.astype(np.uint32), "normal": np.stack([at, at, at], axis=2)}
+    return types.SimpleNamespace(color=np.stack([at, at, at], axis=2), alpha=None, passes=found)
+
+
+def in_blender(engine, layer):
+    """What Blender's own result has of each pass now, from the bottom."""
+    found = {}
+    for one in engine.get_result().layers[layer].passes:
+        flat = np.empty(len(one.rect) * one.channels, dtype=np.float32)
+        one.rect.foreach_get(flat)
+        found[one.name] = flat.reshape(8, 12, one.channels)
+    return found
+
+
+def test_other_passes_appear_while_the_picture_grows_and_frames_keep_them(stage, monkeypatch, tmp_path):  # noqa: F811
+    """Blender's result is read by the render's own thread after each step, long before the end."""
+    monkeypatch.setattr(stage.load("final_render"), "is_watched", lambda: True)
+    layer = stage.bpy.context.view_layer
+    layer.use_pass_z, layer.use_pass_normal, layer.pumice.use_pass_label = True, True, True
+    growing, work = stage.load("render_result").Growing, stage.load("render_work").Work
+    # Without a rest, since the test is over in a moment.
+    monkeypatch.setattr(growing, "RESTS_AFTER_FRAME", 0.0)
+    monkeypatch.setattr(growing, "RESTS_AFTER_PASSES", 0.0)
+    seen, engines, original, watch = [], [], growing.look, work.watch
+    monkeypatch.setattr(work, "watch", lambda self, engine, shown: (engines.append(engine), watch(self, engine, shown))[1])
+
+    def look(self, renderer):
+        before = (renderer.so_far is not None, renderer.frame.serial if renderer.frame else 0)
+        original(self, renderer)
+        seen.append((before, in_blender(engines[0], layer.name) if not self.is_empty else None))
+
+    monkeypatch.setattr(growing, "look", look)
+
+    def during(_job, _on_progress):
+        renderer = stage.module.renderers[-1]
+        step = lambda of: wait(lambda: any(before == of and found for before, found in seen))  # noqa: E731
+        renderer.show(1, np.full((8, 12, 4), 3.0))
+        step((False, 1))
+        renderer.so_far = so_far(100)
+        step((True, 1))
+        renderer.show(2, np.full((8, 12, 4), 5.0))
+        step((False, 2))
+
+    stage.module.during_render = during
+    assert render(stage) == {"FINISHED"}
+    assert stage.module.renderers[-1].growing_passes is True
+    of = lambda step: next(found for before, found in seen if before == step and found)  # noqa: E731
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)[::-1, :, None] + np.float32(100)
+    first, second, third = of((False, 1)), of((True, 1)), of((False, 2))
+    assert (first["Combined"] == 3.0).all() and not first["Label"].any() and (first["Depth"] >= 1e10).all(), "control: nothing of them yet"
+    for found in (second, third):
+        assert np.array_equal(found["Depth"], at) and np.array_equal(found["Label"], at) and np.array_equal(found["Normal"][..., 1:2], at)
+    assert np.array_equal(second["Combined"][..., :1], at) and (second["Combined"][..., 3] == 1.0).all()
+    assert (third["Combined"] == 5.0).all()
+    # The end is the whole picture, as if nothing had been shown.
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)
+    written = channels(tmp_path / "out.exr")
+    assert np.array_equal(written["Combined.G"], at * 2) and np.array_equal(written["Depth.Z"].ravel()[1:], at.ravel()[1:] + 0.5)
+
+
+@pytest.mark.parametrize("rests", [True, False])
+def test_showing_passes_waits_so_that_it_takes_a_fiftieth_of_the_time(stage, monkeypatch, rests):  # noqa: F811
+    """With a clock of the test: each pass takes a quarter of a second, and so does each look. The control does not wait."""
+    result, clock, fills = stage.load("render_result"), [1000.0], []
+    monkeypatch.setattr(result, "time", types.SimpleNamespace(monotonic=lambda: clock[0]))
+
+    def slow(_layer, name, _pixels):
+        clock[0] += 0.25
+        fills.append(name)
+
+    monkeypatch.setattr(result, "_fill", slow)
+    stage.bpy.context.view_layer.use_pass_z = True
+    begun = types.SimpleNamespace(layers=[types.SimpleNamespace(passes={"Depth": None})])
+    engine = types.SimpleNamespace(begin_result=lambda *_, **__: begun, end_result=lambda _: None)
+    growing, renderer = result.Growing(engine, stage.bpy.context.view_layer, SIZE), stage.module.Renderer()
+    if not rests:
+        monkeypatch.setattr(growing, "RESTS_AFTER_FRAME", 0.0)
+        monkeypatch.setattr(growing, "RESTS_AFTER_PASSES", 0.0)
+    for step in range(2000):
+        renderer.so_far = so_far(step)
+        renderer.show(step + 1, np.zeros((8, 12, 4)))
+        growing.look(renderer)
+        assert fills[:2] == ["Combined", "Depth"], "the first comes at once"
+        clock[0] += 0.25
+    share = 0.25 * fills.count("Depth") / (clock[0] - 1000.0)
+    # What is begun in the time counts whole, so a little more than a fiftieth is possible.
+    assert 0.01 < share < 0.022 if rests else share > 0.2, share
+
+
 def test_nothing_is_shown_where_nobody_looks(stage, fills):  # noqa: F811
     assert render(stage) == {"FINISHED"}
     assert stage.module.renderers[-1].growing is False, "Blender has no window here"
@@ -121,7 +213,7 @@ def test_a_frame_that_cannot_be_shown_ends_the_render(stage, monkeypatch):  # no
     def broken(*_):
         raise ZeroDivisionError("division by zero")
 
-    monkeypatch.setattr(stage.load("render_result"), "show_frame", broken)
+    monkeypatch.setattr(stage.load("render_result").Growing, "show_frame", broken)
     cancelled = []
 
     def during(job, _on_progress):
@@ -175,5 +267,5 @@ def test_progress_reaches_blender_while_the_thread_works(stage):  # noqa: F811
     renderer = stage.module.Renderer(backend="cpu")
     work = stage.load("render_work").Work(stage.module, renderer, scene, [], [], limits, growing=True)
     engine = Watching()
-    assert work.watch(engine, None) is None and work.job.cancelled and not work.thread.is_alive()
+    assert work.watch(engine, stage.load("render_result").Growing(engine, None, (2, 2))) is None and work.job.cancelled and not work.thread.is_alive()
     assert told[-1] == pytest.approx(0.25) and engine.line.startswith("Remaining:00:06.00 · sample 32 of 128")

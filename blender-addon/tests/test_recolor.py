@@ -105,3 +105,16 @@ def test_more_labels_than_distinct_colors_repeat_them(blender, load, tmp_path):
     recolor(palette="GLASBEY")
     found = colors(load, table)
     assert np.array_equal(found[256:512], found[:256]) and len(np.unique(found, axis=0)) == 256
+
+
+def test_colors_that_scripts_put_out_of_range_are_drawn_at_its_ends(table, load):
+    """A renderer refuses a color above 1. Those in range are the attribute's own, to the bit."""
+    read = lambda: load("sync.instances")._columns(table, 1).color  # noqa: E731
+    inside = load("label_table").colors(table)
+    assert np.array_equal(read(), inside)
+    for channel, value, end in ((0, 1.5, 1.0), (1, -0.25, 0.0)):
+        color = list(table.attributes["color"].data[7].color)
+        color[channel] = value
+        table.attributes["color"].data[7].color = color
+        inside[7, channel] = end
+        assert np.array_equal(read(), inside)

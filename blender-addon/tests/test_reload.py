@@ -90,6 +90,30 @@ def reload(capfd):
     return capfd.readouterr().out
 
 
+def test_new_labels_join_the_group_of_their_type_where_there_is_one(blender, source, load, capfd):
+    """Dictionaries by id are the oracle: type and group of the kept labels."""
+    types = {3: "a", 17: "b", 99: "b", 2**40: "c", 2**63 + 5: "c"}
+    write(source, FIRST, types=types)
+    cells = imported(bpy, source)
+    bpy.ops.pumice.labels_select(ids=f"17, 99, {2**40}")
+    bpy.ops.pumice.labels_assign(slot=1)
+    # 17 and 99 are in the second group, of type c one label is there and one is elsewhere, of type d nothing was.
+    new = {1: "a", 2: "b", 4: "c", 5: "d", 6: ""}
+    write(source, blocks(3, [*types, *new]), types=types | {label: kind for label, kind in new.items() if kind})
+    before = by_id(load, cells)
+    reload(capfd)
+    after = by_id(load, cells)
+    assert {label: after[label]["slot"] for label in types} == {label: before[label]["slot"] for label in types}
+    assert before[3]["slot"] == 0 and before[2**63 + 5]["slot"] == 2
+    assert {label: after[label]["slot"] for label in new} == {1: 0, 2: 1, 4: 0, 5: 0, 6: 0}
+    # Control: with the labels of type c in one group, a new one of this type is there too.
+    bpy.ops.pumice.labels_select(ids=f"{2**40}, 4")
+    bpy.ops.pumice.labels_assign(slot=2)
+    write(source, blocks(4, [*types, *new, 7]), types=types | {4: "c", 7: "c"})
+    reload(capfd)
+    assert by_id(load, cells)[7]["slot"] == 2
+
+
 def test_labels_keep_by_id_what_they_have_and_new_and_gone_ids_are_said(cells, source, load, capfd):
     dress(load, cells)
     before, mesh, materials = by_id(load, cells), cells.data, list(cells.data.materials)

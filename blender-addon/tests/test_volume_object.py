@@ -116,3 +116,26 @@ def test_the_first_look_takes_over_the_startup_scene(startup, modules):
     assert scene.camera == camera and (camera.location - before).length > 1.0
     color = scene.world.node_tree.nodes["Background"].inputs["Color"].default_value
     assert list(color)[:3] == pytest.approx([0.46, 0.49, 0.53])
+
+
+def test_remeshing_begins_with_as_many_cells_whatever_the_size(blender, modules):
+    """Blender's default is 0.1 of the mesh's units, which are voxels: 5,120 cells along 512 of them, for which it runs out of memory."""
+    volume = Volume()
+    for dims in ((64, 64, 32), (64, 4000, 2), (1, 1, 1)):
+        volume.dims = dims
+        obj = create(blender, modules, volume)
+        assert obj.data.remesh_voxel_size == pytest.approx(max(dims) / 128.0)
+    # With faces: twice as many cells along a side are four times as many vertices.
+    counts = []
+    for cells in (1.0, 2.0):
+        volume.dims = (400, 400, 400)
+        obj = create(blender, modules, volume)
+        size = obj.data.remesh_voxel_size
+        obj.data.clear_geometry()
+        corners = [(x, y, z) for z in (0, 400) for x, y in ((0, 0), (400, 0), (400, 400), (0, 400))]
+        obj.data.from_pydata(corners, [], [(3, 2, 1, 0), (4, 5, 6, 7), (0, 1, 5, 4), (1, 2, 6, 5), (2, 3, 7, 6), (3, 0, 4, 7)])
+        obj.data.remesh_voxel_size = size / cells * 4.0
+        blender.context.view_layer.objects.active = obj
+        assert blender.ops.object.voxel_remesh() == {"FINISHED"}
+        counts.append(len(obj.data.vertices))
+    assert 3.0 < counts[1] / counts[0] < 5.0 and 6 * 32**2 < counts[0] * 1.2

@@ -170,8 +170,10 @@ def steps():
     shot("orthographic")
 
     sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
+    import window_drop
     import window_pick
 
+    yield from window_drop.steps(OUT, window, area, until, input_events, shot)
     yield from window_pick.steps(sys.modules[EXTENSION], OUT, window, area, shown, converged, until, input_events, shot)
 
     yield from other_device(area)
@@ -316,16 +318,16 @@ def final_render(window, area):
     """Starts F12 as a user does, with the live viewport open: once to its end, once cancelled after it has grown for a while. ESC leaves what
     there is."""
     ended, begun, seen = [], [], []
-    result = sys.modules[EXTENSION].render_result
-    show_frame = result.show_frame
+    growing = sys.modules[EXTENSION].render_result.Growing
+    show_frame = growing.show_frame
 
-    def shown_frame(engine, view_layer, frame, size):
-        show_frame(engine, view_layer, frame, size)
+    def shown_frame(self, frame):
+        show_frame(self, frame)
         if not seen:
             figures["first_f12_frame_seconds"] = time.monotonic() - begun[-1]
         seen.append(frame.coarse)
 
-    result.show_frame = shown_frame
+    growing.show_frame = shown_frame
     bpy.app.handlers.render_pre.append(lambda *_: begun.append(time.monotonic()))
     bpy.app.handlers.render_complete.append(lambda *_: ended.append("complete"))
     bpy.app.handlers.render_cancel.append(lambda *_: ended.append("cancel"))
@@ -350,7 +352,7 @@ def final_render(window, area):
         assert np.isfinite(picture).all() and (picture[..., :3].max(axis=2) > 0.02).mean() > 0.5, "the sky and the volume are there"
         # The last row of each picture: it is a picture of the whole film, not of a part.
         assert picture[0].max() > 0.02 and picture[-1].max() > 0.02
-    result.show_frame = show_frame
+    growing.show_frame = show_frame
 
 
 def saved_result(name):

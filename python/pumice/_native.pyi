@@ -147,6 +147,10 @@ class LabelGroups:
         Label `ids[i]`, in rising order, belongs to group `groups[i]` and has the linear colour `colors[4 i..4 i + 3]`. `materials` is a JSON
         list of a material for each group, and `colored` says whether colours of labels replace its base colour.
         """
+    def with_colors(self, /, ids: Buffer, colors: Buffer) -> LabelGroups:
+        """
+        The same groups, in which label `ids[i]`, in rising order, has the linear colour `colors[4 i..4 i + 3]`.
+        """
 
 @final
 class Mesh:
@@ -308,10 +312,14 @@ class Renderer:
         """
         How often each kind of data was built, by name; waits for a picture that is being rendered.
         """
-    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool], *, job: Job | None, on_progress: Any | None) -> Picture:
+    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool, bool], *, job: Job | None, on_progress: Any | None) -> Picture:
         """
-        Renders a scene until the first limit is reached. `watching`: whether frames are published, and whether a cancelled render returns its
-        picture so far.
+        Renders a scene until the first limit is reached. `watching`: whether frames are published, whether pictures so far are
+        made with all passes, and whether a cancelled render returns its picture so far.
+        """
+    def take_so_far(self, /) -> Picture | None:
+        """
+        The newest picture so far with all its passes, of what is rendered now, if it was not taken before; never waits.
         """
 
 @final

@@ -35,15 +35,21 @@ class LabelGroups:
         *,
         colored: Sequence[bool] | None = None,
     ) -> None:
-        four = np.asarray(colors, dtype=np.float32)
-        if four.ndim != 2 or four.shape[1] not in (3, 4):
-            raise InputError(f"colors: expected an array (n, 3) or (n, 4), got {four.shape}")
-        if four.shape[1] == 3:
-            four = np.pad(four, ((0, 0), (0, 1)), constant_values=1.0)
         text = arguments.json_text("materials", list(materials))
         own = [True] * len(materials) if colored is None else [bool(one) for one in colored]
-        group, color = _column("groups", groups, np.uint32), _column_of(four)
+        group, color = _column("groups", groups, np.uint32), _colors(colors)
         self._native = _native.LabelGroups(_column("ids", ids, np.uint64), group, color, text, own)
+
+    @checked
+    def with_colors(self, ids: npt.ArrayLike, colors: npt.ArrayLike) -> LabelGroups:
+        """The same groups, in which label `ids[i]`, ids rising, has the colour `colors[i]`, as `LabelGroups` takes it. InputError where a label
+        is in no group. Labels of a group that is not `colored` keep its material's colour.
+
+        To recolour a few of 10⁵ labels takes a fraction of the time of making their groups again.
+        """
+        changed = object.__new__(LabelGroups)
+        changed._native = self._native.with_colors(_column("ids", ids, np.uint64), _colors(colors))
+        return changed
 
 
 def flags(visible: LabelFlags | None) -> tuple[Any, Any] | None:
@@ -52,6 +58,14 @@ def flags(visible: LabelFlags | None) -> tuple[Any, Any] | None:
         return None
     ids, shown = visible
     return _column("ids", ids, np.uint64), _column_of(np.asarray(shown, dtype=bool)).view(np.uint8)
+
+
+def _colors(colors: npt.ArrayLike) -> Any:
+    """Colours as four numbers each; InputError where they are not three or four."""
+    four = np.asarray(colors, dtype=np.float32)
+    if four.ndim != 2 or four.shape[1] not in (3, 4):
+        raise InputError(f"colors: expected an array (n, 3) or (n, 4), got {four.shape}")
+    return _column_of(four if four.shape[1] == 4 else np.pad(four, ((0, 0), (0, 1)), constant_values=1.0))
 
 
 def _column(name: str, values: npt.ArrayLike, kind: type[np.unsignedinteger[Any]]) -> Any:

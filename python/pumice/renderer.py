@@ -35,6 +35,7 @@ class Renderer:
         seconds: float | None = None,
         error: float | None = None,
         growing: bool = False,
+        growing_passes: bool = False,
         unfinished: bool = False,
         job: Job | None = None,
         on_progress: Callable[[CurvePoint], None] | None = None,
@@ -43,6 +44,8 @@ class Renderer:
         keep their hierarchies.
 
         `growing`: `latest` gives frames meanwhile, about one a second; of a large film the first ones are coarse.
+        `growing_passes`: `take_so_far` gives pictures with all passes meanwhile, the first one after the first samples, the next ones so
+        seldom that making them takes at most a hundredth of the time.
         `unfinished`: once the job is cancelled, the result is the picture so far; `Cancelled` is raised only if it has no sample.
         """
         require_end(scene, spp, seconds, error)
@@ -52,7 +55,7 @@ class Renderer:
             in_order(scene, volumes),
             mesh.natives(meshes),
             limits,
-            (bool(growing), bool(unfinished)),
+            (bool(growing), bool(growing_passes), bool(unfinished)),
             job=job,
             on_progress=told_points(on_progress),
         )
@@ -63,6 +66,12 @@ class Renderer:
         """The newest frame of the picture that is rendered now, if its serial is above `after`, else None; never waits. A frame has no
         passes; read its pixels as those of `Session.latest`."""
         return self._native.latest(after)
+
+    def take_so_far(self) -> Picture | None:
+        """The newest picture so far of what is rendered now, with all its passes; each is given once, so None where there is no newer one.
+        Never waits. Only a call of `render` with `growing_passes` makes them. It does not say of which scene it is: `save` writes no scene."""
+        native = self._native.take_so_far()
+        return None if native is None else Picture(native)
 
     @property
     def rebuilt(self) -> dict[str, int]:

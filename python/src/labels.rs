@@ -35,13 +35,23 @@ impl LabelGroups {
         }
         let materials: Vec<(Material, bool)> = materials.into_iter().zip(colored).collect();
         let (ids, groups, colors) = (ids.to_vec(py)?, groups.to_vec(py)?, colors.to_vec(py)?);
-        let (colors, rest) = colors.as_chunks::<4>();
-        if !rest.is_empty() {
-            return Err(input(&"colors: expected four numbers for each label"));
-        }
-        Groups::from_columns(&materials, &ids, &groups, colors)
+        Groups::from_columns(&materials, &ids, &groups, fours(&colors)?)
             .map(Self)
             .map_err(IntoException::into_exception)
+    }
+
+    /// The same groups, in which label `ids[i]`, in rising order, has the linear colour `colors[4 i..4 i + 3]`.
+    fn with_colors(&self, py: Python<'_>, ids: PyBuffer<u64>, colors: PyBuffer<f32>) -> PyResult<Self> {
+        let (ids, colors) = (ids.to_vec(py)?, colors.to_vec(py)?);
+        self.0.with_colors(&ids, fours(&colors)?).map(Self).map_err(IntoException::into_exception)
+    }
+}
+
+/// Colours of four numbers each.
+fn fours(colors: &[f32]) -> PyResult<&[[f32; 4]]> {
+    match colors.as_chunks::<4>() {
+        (fours, []) => Ok(fours),
+        _ => Err(input(&"colors: expected four numbers for each label")),
     }
 }
 

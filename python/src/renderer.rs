@@ -45,14 +45,19 @@ impl Renderer {
         self.renderer()?.latest(after).map(|frame| Frame::new(py, frame)).transpose()
     }
 
+    /// The newest picture so far with all its passes, of what is rendered now, if it was not taken before; never waits.
+    fn take_so_far(&self) -> PyResult<Option<Picture>> {
+        Ok(self.renderer()?.take_so_far().map(Picture))
+    }
+
     /// How often each kind of data was built, by name; waits for a picture that is being rendered.
     fn rebuilt(&self, py: Python<'_>) -> PyResult<BTreeMap<&'static str, u64>> {
         let renderer = self.renderer()?;
         Ok(py.detach(|| renderer.rebuilt()).into_iter().collect())
     }
 
-    /// Renders a scene until the first limit is reached. `watching`: whether frames are published, and whether a cancelled render returns its
-    /// picture so far.
+    /// Renders a scene until the first limit is reached. `watching`: whether frames are published, whether pictures so far are
+    /// made with all passes, and whether a cancelled render returns its picture so far.
     #[pyo3(signature = (scene, volumes, meshes, limits, watching, *, job, on_progress))]
     #[expect(clippy::too_many_arguments, reason = "the façade's keywords")]
     fn render(
@@ -62,7 +67,7 @@ impl Renderer {
         volumes: Vec<Bound<'_, Volume>>,
         meshes: Vec<Bound<'_, Mesh>>,
         limits: Limits,
-        watching: (bool, bool),
+        watching: (bool, bool, bool),
         job: Option<&Bound<'_, Job>>,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Picture> {
@@ -73,12 +78,12 @@ impl Renderer {
         let job = job_of(job);
         let (spp, seconds, error) = limits;
         let stop = Stop { spp, seconds, error };
-        let (growing, unfinished) = watching;
+        let (growing, passes, unfinished) = watching;
         let told = Told::new(on_progress);
         let rendered = released(py, &job, || {
             let meshes = with_built_in(&scene, meshes)?;
             let scene = LoadedScene::new(scene, volumes, meshes)?;
-            let watching = Watching { growing, unfinished };
+            let watching = Watching { growing, passes, unfinished };
             renderer.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))
         });
         told.result(rendered)

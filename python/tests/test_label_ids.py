@@ -70,6 +70,9 @@ def calls(volume, tmp_path_factory):
     def groups(ids):
         return pumice.LabelGroups(ids, range(len(ids)), ramp[: len(ids)], [{}] * len(ids))
 
+    def recolored(ids):
+        return groups(IDS).with_colors(ids, 1.0 - ramp[: len(ids)])
+
     def edited(ids):
         session.edit({"edit": "show", "id": 1, "show": {"only": ids}})
         return style(session.scene)
@@ -99,6 +102,7 @@ def calls(volume, tmp_path_factory):
         "AnnotationTable": lambda ids: pumice.AnnotationTable(ids, names=["a"] * len(ids)).ids.tolist(),
         "query_labels": lambda ids: pumice.query_labels(f"{2**53 + 1} {2**64 - 1}", ids).tolist(),
         "LabelGroups": lambda ids: style(scene.with_labels(1, groups=groups(ids))),
+        "LabelGroups.with_colors": lambda ids: style(scene.with_labels(1, groups=recolored(ids))),
         "Scene.with_labels": lambda ids: style(scene.with_labels(1, visible=(ids, [i != 1 for i in range(len(ids))]))),
         "Scene.from_dict": only,
         "Session.edit": edited,
@@ -114,7 +118,7 @@ def calls(volume, tmp_path_factory):
 OF_JSON = ["Scene.from_dict", "Session.edit"]
 NAMES = [
     *["LabelTable.rows_of", "LabelTable.isin", "open", "Volume.faces", "surface", "count_faces", "export", "AnnotationTable", "query_labels"],
-    *["LabelGroups", "Scene.with_labels", "Session.set_labels", "Picture.matte", "figure", *OF_JSON],
+    *["LabelGroups", "LabelGroups.with_colors", "Scene.with_labels", "Session.set_labels", "Picture.matte", "figure", *OF_JSON],
 ]
 # Those that take one id, or ids as keys.
 ONE = ["LabelTable.index_of", "compress", "figure"]

@@ -59,6 +59,35 @@ def test_columns_give_the_picture_of_single_materials(scene, listed, volume, col
     assert not np.array_equal(pumice.render(changed, volume, spp=8, backend="cpu").color, expected)
 
 
+def test_groups_with_other_colors_are_those_of_the_changed_columns(scene, volume, columns):
+    """Of one label, of some in both groups, of all; a group without colours keeps its material's."""
+    made, rng, count = groups(volume, columns), np.random.default_rng(5), len(volume.labels)
+    for rows in (np.array([count - 1]), np.sort(rng.choice(count, count // 3, replace=False)), np.arange(count)):
+        other = columns[1].copy()
+        other[rows] = rng.uniform(0, 1, (len(rows), 3))
+        changed = scene.with_labels(1, groups=made.with_colors(volume.labels.ids[rows], other[rows]))
+        assert changed == scene.with_labels(1, groups=groups(volume, columns, colors=other))
+        # Negative control: one label that has a colour keeps the one that it had.
+        last = rows[columns[0][rows] == 0][-1:]
+        other[last] = columns[1][last]
+        assert not len(last) or changed != scene.with_labels(1, groups=groups(volume, columns, colors=other))
+    assert scene.with_labels(1, groups=made) == scene.with_labels(1, groups=groups(volume, columns)), "the first groups stay"
+
+
+def test_bad_columns_of_colors_are_refused_by_name():
+    made = pumice.LabelGroups([4, 5], [0, 0], np.zeros((2, 3)), [{}])
+    with pytest.raises(pumice.InputError, match=r"ids\[1\]: label 6 is in no group"):
+        made.with_colors([5, 6], np.zeros((2, 3)))
+    with pytest.raises(pumice.InputError, match="ids: expected rising ids"):
+        made.with_colors([5, 4], np.zeros((2, 3)))
+    with pytest.raises(pumice.InputError, match="colors: expected one value for each of 1 labels, got 2"):
+        made.with_colors([5], np.zeros((2, 4)))
+    with pytest.raises(pumice.InputError, match=r"colors: expected an array \(n, 3\) or \(n, 4\), got \(3,\)"):
+        made.with_colors([5], np.zeros(3))
+    with pytest.raises(pumice.InputError, match=r"colors\[0\]: expected 0 to 1"):
+        made.with_colors([5], [[0.0, float("nan"), 0.0]])
+
+
 def test_a_scene_with_groups_comes_back_from_its_text(scene, volume, columns, tmp_path):
     made = scene.with_labels(1, groups=groups(volume, columns))
     assert pumice.Scene.from_json(made.to_json()) == made != scene

@@ -59,6 +59,36 @@ def test_frames_are_seen_from_another_thread(volume):
     assert picture.mean_spp >= 1 and picture.color.shape == (300, 400, 3) and np.isfinite(picture.color).all()
 
 
+def test_passes_are_taken_from_another_thread_while_the_picture_grows(volume):
+    scene = changed(pumice.figure(volume, size=(120, 90)), lambda fields: fields["film"].update(passes=["samples", "cryptomatte_label"]))
+    renderer, job, taken = pumice.Renderer(backend="cpu"), pumice.Job(), []
+
+    def look():
+        end = time.monotonic() + 60
+        while not taken and time.monotonic() < end:
+            found = renderer.take_so_far()
+            if found is not None:
+                taken.append(found)
+            time.sleep(0.002)
+        taken.append(renderer.take_so_far())
+        job.cancel()
+
+    watcher = threading.Thread(target=look)
+    watcher.start()
+    last = renderer.render(scene, [volume], spp=1 << 20, growing_passes=True, unfinished=True, job=job)
+    watcher.join()
+    so_far, again = taken
+    assert again is None, "the next one comes seconds later"
+    # The oracle: a render of as many samples.
+    fresh = pumice.render(scene, volume, spp=so_far.spp, backend="cpu")
+    assert so_far.passes.keys() == fresh.passes.keys() >= {"depth", "label", "samples", "cryptomatte_label"}
+    for name, pixels in {"color": fresh.color, **fresh.passes}.items():
+        np.testing.assert_array_equal(getattr(so_far, name, None) if name == "color" else so_far.passes[name], pixels, err_msg=name)
+    assert last.mean_spp > so_far.spp >= 1 and not np.array_equal(last.color, so_far.color), "control: it went on"
+    renderer.render(scene, [volume], spp=2, growing=True)
+    assert renderer.take_so_far() is None, "nobody asked for passes"
+
+
 def test_a_cancelled_render_raises_unless_what_there_is_is_wanted(scene, volume):
     renderer = pumice.Renderer(backend="cpu")
 

@@ -20,10 +20,10 @@ pub struct LabelGroup {
     members: Arc<Members>,
 }
 
-/// The labels of a group, in rising order, and their colours.
-#[derive(Debug, Default, PartialEq)]
+/// The labels of a group, in rising order, and their colours. The ids are apart, so that a copy with other colours shares them.
+#[derive(Clone, Debug, Default, PartialEq)]
 struct Members {
-    ids: Vec<u64>,
+    ids: Arc<Vec<u64>>,
     /// One for each label, or none.
     colors: Vec<[f32; 3]>,
 }
@@ -35,7 +35,6 @@ impl LabelGroup {
     /// [`SceneError::Field`] with the field `labels` or `colors`: a label that occurs twice, a list of another length, a colour that is
     /// not from 0 to 1.
     pub fn new(material: Material, ids: Vec<u64>, colors: Vec<[f32; 3]>) -> Result<Self, SceneError> {
-        let fault = |field: &str, problem: String| SceneError::Field { field: field.into(), problem };
         if !colors.is_empty() && colors.len() != ids.len() {
             let problem =
                 format!("expected one color for each of {} labels, got {}", ids.len(), colors.len());
@@ -43,12 +42,12 @@ impl LabelGroup {
         }
         check_colors(&colors)?;
         let members = if ids.is_sorted() {
-            Members { ids, colors }
+            Members { ids: Arc::new(ids), colors }
         } else {
             let mut order: Vec<usize> = (0..ids.len()).collect();
             order.sort_by_key(|&place| ids[place]);
             Members {
-                ids: order.iter().map(|&place| ids[place]).collect(),
+                ids: Arc::new(order.iter().map(|&place| ids[place]).collect()),
                 colors: order.iter().filter_map(|&place| colors.get(place).copied()).collect(),
             }
         };
@@ -109,10 +108,7 @@ impl LabelGroups {
         let mut seen = BTreeSet::new();
         let twice = groups.iter().flat_map(LabelGroup::ids).find(|id| groups.len() > 1 && !seen.insert(**id));
         match twice {
-            Some(id) => Err(SceneError::Field {
-                field: "groups".into(),
-                problem: format!("label {id} is in two groups"),
-            }),
+            Some(id) => Err(fault("groups", format!("label {id} is in two groups"))),
             None => Ok(Self(groups)),
         }
     }
@@ -128,46 +124,64 @@ impl LabelGroups {
         of: &[u32],
         colors: &[[f32; 4]],
     ) -> Result<Self, SceneError> {
-        let fault = |field: &str, problem: String| Err(SceneError::Field { field: field.into(), problem });
-        for (column, length) in [("groups", of.len()), ("colors", colors.len())] {
-            if length != ids.len() {
-                return fault(
-                    column,
-                    format!("expected one value for each of {} labels, got {length}", ids.len()),
-                );
-            }
-        }
+        check_lengths(ids, &[("groups", of.len()), ("colors", colors.len())])?;
         check_colors(colors)?;
-        if !ids.is_sorted_by(|a, b| a < b) {
-            return fault("ids", "expected rising ids".into());
-        }
+        check_rising(ids)?;
         let mut counts = vec![0; materials.len()];
         for group in of {
             if let Some(count) = counts.get_mut(*group as usize) {
                 *count += 1;
             }
         }
-        let room = counts.iter().zip(materials).map(|(&count, (_, by_label))| Members {
-            ids: Vec::with_capacity(count),
-            colors: Vec::with_capacity(if *by_label { count } else { 0 }),
+        let room = counts.iter().zip(materials).map(|(&count, (_, by_label))| {
+            (Vec::with_capacity(count), Vec::with_capacity(if *by_label { count } else { 0 }))
         });
-        let mut members: Vec<Members> = room.collect();
+        let mut members: Vec<(Vec<u64>, Vec<[f32; 3]>)> = room.collect();
         for ((id, group), color) in ids.iter().zip(of).zip(colors) {
-            if let (Some(own), Some((_, by_label))) =
+            if let (Some((own_ids, own_colors)), Some((_, by_label))) =
                 (members.get_mut(*group as usize), materials.get(*group as usize))
             {
-                own.ids.push(*id);
+                own_ids.push(*id);
                 if *by_label {
-                    own.colors.push([color[0], color[1], color[2]]);
+                    own_colors.push([color[0], color[1], color[2]]);
                 }
             }
         }
         // Rising ids are in order and occur once, so nothing of a group is left to check.
-        let groups = materials
-            .iter()
-            .zip(members)
-            .map(|((material, _), members)| LabelGroup { material: *material, members: Arc::new(members) });
+        let groups = materials.iter().zip(members).map(|((material, _), (ids, colors))| LabelGroup {
+            material: *material,
+            members: Arc::new(Members { ids: Arc::new(ids), colors }),
+        });
         Ok(Self(groups.collect()))
+    }
+
+    /// The same groups, in which label `ids[i]`, in rising order, has the color `colors[i]` (linear Rec. 709; alpha is ignored). Labels of a
+    /// group without colours keep the color of its material. What does not change is shared with these groups.
+    ///
+    /// # Errors
+    /// [`SceneError::Field`] names a column of another length, ids that do not rise, a label that is in no group, or a colour that is no
+    /// number from 0 to 1.
+    pub fn with_colors(&self, ids: &[u64], colors: &[[f32; 4]]) -> Result<Self, SceneError> {
+        check_lengths(ids, &[("colors", colors.len())])?;
+        check_colors(colors)?;
+        check_rising(ids)?;
+        let mut is_found = vec![false; ids.len()];
+        let mut groups = self.0.clone();
+        for (group, former) in groups.iter_mut().zip(&self.0) {
+            for (place, member) in each_place_in(ids, former.ids()) {
+                is_found[place] = true;
+                if !former.colors().is_empty() {
+                    let [red, green, blue, _] = colors[place];
+                    Arc::make_mut(&mut group.members).colors[member] = [red, green, blue];
+                }
+            }
+        }
+        match is_found.iter().position(|is_found| !is_found) {
+            None => Ok(Self(groups)),
+            Some(place) => {
+                Err(fault(&format!("ids[{place}]"), format!("label {} is in no group", ids[place])))
+            }
+        }
     }
 
     /// The material of a group, to change it; `None` past the last group.
@@ -176,15 +190,32 @@ impl LabelGroups {
     }
 }
 
+fn fault(field: &str, problem: String) -> SceneError {
+    SceneError::Field { field: field.into(), problem }
+}
+
+/// Checks that each column, by its name and length, has a value for each label.
+fn check_lengths(ids: &[u64], columns: &[(&str, usize)]) -> Result<(), SceneError> {
+    match columns.iter().find(|(_, length)| *length != ids.len()) {
+        None => Ok(()),
+        Some((column, length)) => {
+            Err(fault(column, format!("expected one value for each of {} labels, got {length}", ids.len())))
+        }
+    }
+}
+
+fn check_rising(ids: &[u64]) -> Result<(), SceneError> {
+    if ids.is_sorted_by(|a, b| a < b) { Ok(()) } else { Err(fault("ids", "expected rising ids".into())) }
+}
+
 /// Checks the first three numbers of each colour.
 fn check_colors<const N: usize>(colors: &[[f32; N]]) -> Result<(), SceneError> {
     let is_color = |color: &[f32; N]| color.iter().take(3).all(|c| (0.0..=1.0).contains(c));
     match colors.iter().position(|color| !is_color(color)) {
         None => Ok(()),
-        Some(place) => Err(SceneError::Field {
-            field: format!("colors[{place}]"),
-            problem: format!("expected 0 to 1, got {:?}", &colors[place][..3]),
-        }),
+        Some(place) => {
+            Err(fault(&format!("colors[{place}]"), format!("expected 0 to 1, got {:?}", &colors[place][..3])))
+        }
     }
 }
 
@@ -290,6 +321,47 @@ mod tests {
         assert_eq!(problem(&[2, 5], &[0], &[r, r]), "groups: expected one value for each of 2 labels, got 1");
         assert_eq!(problem(&[2, 5], &[0, 0], &[r]), "colors: expected one value for each of 2 labels, got 1");
         assert_eq!(problem(&[5, 2], &[0, 0], &[r, r]), "ids: expected rising ids");
+    }
+
+    #[test]
+    fn other_colors_give_the_groups_of_changed_columns() {
+        let materials = [(Material::DEFAULT, true), (Material::DEFAULT, false), (Material::DEFAULT, true)];
+        // Most labels are in the first group, which is then searched; the others are passed.
+        let ids: Vec<u64> = (0..400).map(|i| 3 * i + 1).chain([LARGE]).collect();
+        let of: Vec<u32> = (0..401).map(|i| if i % 40 == 7 { 1 } else { 2 * u32::from(i == 400) }).collect();
+        let grey: Vec<[f32; 4]> = (0u8..=200).cycle().take(401).map(|i| [f32::from(i) / 255.0; 4]).collect();
+        let made = LabelGroups::from_columns(&materials, &ids, &of, &grey).unwrap();
+        for rows in [vec![], vec![0], vec![7, 8], vec![3, 200, 400], (0..401).collect()] {
+            let (mut all, some): (_, Vec<u64>) =
+                (grey.clone(), rows.iter().map(|&row: &usize| ids[row]).collect());
+            let colors: Vec<[f32; 4]> =
+                (0u8..=100).cycle().take(some.len()).map(|i| [0.0, f32::from(i) / 100.0, 1.0, 0.5]).collect();
+            for (&row, color) in rows.iter().zip(&colors) {
+                all[row] = *color;
+            }
+            let expected = LabelGroups::from_columns(&materials, &ids, &of, &all).unwrap();
+            let changed = made.with_colors(&some, &colors).unwrap();
+            assert_eq!(changed, expected, "{rows:?}");
+            // Negative control: one label keeps its colour.
+            if let Some(last) = rows.iter().rev().find(|row| of[**row] != 1) {
+                all[*last] = [0.99; 4];
+                assert_ne!(changed, LabelGroups::from_columns(&materials, &ids, &of, &all).unwrap());
+            }
+        }
+        let one = made.with_colors(&[4], &[[1.0; 4]]).unwrap();
+        assert!(!one[0].same_labels(&made[0]) && Arc::ptr_eq(&one[2].members, &made[2].members));
+        assert!(Arc::ptr_eq(&one[0].members.ids, &made[0].members.ids), "labels are shared");
+    }
+
+    #[test]
+    fn other_colors_of_labels_that_are_in_no_group_are_refused() {
+        let made = LabelGroups::new(vec![group(&[3, 9], &[RED, BLUE]).unwrap()]).unwrap();
+        let problem =
+            |ids: &[u64], colors: &[[f32; 4]]| made.with_colors(ids, colors).unwrap_err().to_string();
+        assert_eq!(problem(&[3, 5], &[[0.0; 4]; 2]), "ids[1]: label 5 is in no group");
+        assert_eq!(problem(&[9, 3], &[[0.0; 4]; 2]), "ids: expected rising ids");
+        assert_eq!(problem(&[3], &[]), "colors: expected one value for each of 1 labels, got 0");
+        assert_eq!(problem(&[3], &[[2.0; 4]]), "colors[0]: expected 0 to 1, got [2.0, 2.0, 2.0]");
     }
 
     #[test]

@@ -2,7 +2,8 @@
 //!
 //! ```text
 //! scene ─► set_scene: keeps what it has in common with the last ─► coarse frames ─► samples until a limit ─► picture with its passes
-//!                                                                       └── frames: immutable, numbered ──┘
+//!                                                                       ├── frames: immutable, numbered ──┤
+//!                                                                       └── now and then all passes ──────┘
 //! ```
 //! A picture is bit for bit the one that [`render_scene`](crate::render_file::render_scene) makes of the same scene with the same number of
 //! samples, whatever was drawn before it and whether it was shown: a scene's data do not depend on those of other scenes, and coarse frames
@@ -31,12 +32,18 @@ const COARSE_SECONDS: f64 = 0.4;
 const PAUSE_SECONDS: f64 = 1.0;
 /// A frame is due only when this many times the time that the last one took has passed, so that frames take at most a twentieth of it.
 const PAUSES_OF_A_FRAME: f64 = 20.0;
+/// Time between two pictures with passes: they show what is where, which samples hardly change.
+const PAUSE_OF_PASSES_SECONDS: f64 = 5.0;
+/// As for frames: a hundredth of the time, since whoever shows passes takes as long again.
+const PAUSES_OF_PASSES: f64 = 100.0;
 
 /// What a render does for those who watch it.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watching {
     /// Whether it publishes frames while it renders.
     pub growing: bool,
+    /// Whether it makes pictures with all passes while it renders, the first one after the first samples.
+    pub passes: bool,
     /// Whether a cancelled render returns its picture so far, if it has any sample, and not [`RenderError::Cancelled`].
     pub unfinished: bool,
 }
@@ -60,14 +67,19 @@ struct HashedSky {
 #[derive(Debug, Default)]
 struct Board {
     frame: Option<Arc<Frame>>,
+    /// The newest picture with passes that nobody has taken.
+    so_far: Option<Rendered>,
     serial: u64,
     picture: u64,
 }
 
-/// The frames of one picture: when the next is due.
+/// The frames of one picture, and its pictures with passes: when the next is due.
 struct Pace {
     clock: Stopwatch,
     due: f64,
+    passes_due: f64,
+    /// Why there are no more of these pictures.
+    passes_fault: Option<RenderError>,
 }
 
 impl PersistentRenderer {
@@ -102,13 +114,20 @@ impl PersistentRenderer {
         self.board().picture += 1;
         let rendered = self.drawn(&mut renderer, scene, stop, job, watching, watch);
         // Whoever wants the last frame has the picture instead.
-        self.board().frame = None;
+        let mut board = self.board();
+        (board.frame, board.so_far) = (None, None);
         rendered
     }
 
     /// The newest frame of the picture that is rendered now, if its serial is above `after`. Never waits for the renderer.
     pub fn latest(&self, after: u64) -> Option<Arc<Frame>> {
         self.board().frame.as_ref().filter(|f| f.serial > after).cloned()
+    }
+
+    /// The newest picture so far with all passes, of what is rendered now, if it was not taken before; the render must be watched with
+    /// [`Watching::passes`]. Never waits for the renderer.
+    pub fn take_so_far(&self) -> Option<Rendered> {
+        self.board().so_far.take()
     }
 
     /// How often each kind of data was built, by name. Waits for a picture that is being rendered.
@@ -144,7 +163,7 @@ impl PersistentRenderer {
         let prepare_seconds = [clock.seconds(), clock.cpu_seconds()];
 
         // Add samples, with a frame now and then.
-        let mut pace = Pace { clock: Stopwatch::start(), due: 0.0 };
+        let mut pace = Pace { clock: Stopwatch::start(), due: 0.0, passes_due: 0.0, passes_fault: None };
         let sampling = sampled(renderer, stop, job, &mut |renderer, point| {
             watch(point);
             if watching.growing && pace.clock.seconds() >= pace.due {
@@ -152,6 +171,16 @@ impl PersistentRenderer {
                 self.publish(renderer, point, false)?;
                 let took = pace.clock.seconds() - start;
                 pace.due = start + PAUSE_SECONDS.max(took * PAUSES_OF_A_FRAME);
+            }
+            if watching.passes && pace.passes_fault.is_none() && pace.clock.seconds() >= pace.passes_due {
+                let start = pace.clock.seconds();
+                match self.publish_passes(renderer, point) {
+                    // The picture itself may have room, since one that was taken is held beside it.
+                    Err(lack @ RenderError::Memory(_)) => pace.passes_fault = Some(lack),
+                    made => made?,
+                }
+                let took = pace.clock.seconds() - start;
+                pace.passes_due = start + PAUSE_OF_PASSES_SECONDS.max(took * PAUSES_OF_PASSES);
             }
             Ok(())
         });
@@ -173,7 +202,11 @@ impl PersistentRenderer {
             }
             sampling => sampling?,
         };
-        Ok(report(renderer, scene, prepare_seconds, curve, picture, sky_hash))
+        let mut rendered = report(renderer, scene, prepare_seconds, curve, picture, sky_hash);
+        if let Some(fault) = pace.passes_fault {
+            rendered.figures.notices.push(format!("passes were not shown while the picture grew: {fault}"));
+        }
+        Ok(rendered)
     }
 
     /// The hash of a scene's sky, which the renderer has just been set to.
@@ -250,6 +283,22 @@ impl PersistentRenderer {
         }));
         Ok(())
     }
+
+    /// Keeps the picture so far, with its passes, for whoever takes it; if a device failure has restarted it, there is nothing to show.
+    fn publish_passes(
+        &self,
+        renderer: &mut dyn Renderer,
+        point: &CurvePoint,
+    ) -> std::result::Result<(), RenderError> {
+        // The former one goes first, so that two of them never take memory here.
+        self.board().so_far = None;
+        let picture = match renderer.picture() {
+            Err(RenderError::Restarted) => return Ok(()),
+            picture => picture?,
+        };
+        self.board().so_far = Some(Rendered::so_far(picture, renderer.name(), point));
+        Ok(())
+    }
 }
 
 #[cfg(test)]
@@ -260,7 +309,7 @@ mod tests {
     fn drawn(fails: &[(&'static str, At)]) -> Result<Rendered> {
         let renderer = PersistentRenderer::of(ways(fails, full).0);
         let stop = Stop { spp: Some(4), ..Stop::default() };
-        let watching = Watching { growing: true, unfinished: true };
+        let watching = Watching { growing: true, passes: true, unfinished: true };
         renderer.render(&scene([4, 2]), &stop, &Job::new(), watching, &mut |_| ())
     }
 

@@ -14,8 +14,8 @@ use pumice_session::render_file::render_scene;
 use pumice_session::{CurvePoint, Frame, PersistentRenderer, SessionError, Stop, Watching};
 use pumice_transport::{LoadedScene, RenderError};
 
-const GROWING: Watching = Watching { growing: true, unfinished: false };
-const KEPT: Watching = Watching { growing: true, unfinished: true };
+const GROWING: Watching = Watching { growing: true, passes: false, unfinished: false };
+const KEPT: Watching = Watching { growing: true, passes: false, unfinished: true };
 
 /// Two touching blocks of labels 5 and 9 in a 24 × 16 × 8 volume.
 fn volume() -> Arc<CompressedVolume> {
@@ -126,6 +126,47 @@ fn a_picture_is_shown_while_it_grows_and_no_longer() {
     let small = loaded(&volume, &figure(&volume, [16, 12]));
     let slices = Stop { seconds: Some(0.9), ..Stop::default() };
     renderer.render(&small, &slices, &Job::new(), Watching::default(), nobody).unwrap();
+}
+
+#[test]
+fn passes_are_seen_while_a_picture_grows_and_change_nothing() {
+    let volume = volume();
+    let mut scene = figure(&volume, [160, 120]);
+    scene.film.passes = Passes::NONE.with(Pass::Samples).with(Pass::DiffuseDirect);
+    let scene = loaded(&volume, &scene);
+    let renderer = PersistentRenderer::new("cpu").unwrap();
+    let (start, job) = (Instant::now(), Job::new());
+    let mut seen = Vec::new();
+    let watch = &mut |_: &CurvePoint| {
+        seen.extend(renderer.take_so_far());
+        assert!(renderer.take_so_far().is_none(), "each is given once");
+        if !seen.is_empty() || start.elapsed() > Duration::from_secs(60) {
+            job.cancel();
+        }
+    };
+    let watching = Watching { passes: true, ..KEPT };
+    let last = renderer.render(&scene, &Stop::default(), &job, watching, watch).unwrap();
+    assert_eq!(seen.len(), 1, "the next one would be due seconds later");
+    let so_far = seen.remove(0);
+    // The oracle: a picture of as many samples. Those of the same scene that differ have other samples.
+    let whole = fresh(&scene, so_far.figures.spp);
+    let mut named = so_far.picture.clone();
+    named.provenance.clone_from(&whole.provenance);
+    assert!(named == whole && whole.depth.is_some() && whole.label.is_some());
+    assert_eq!(whole.light.len(), 1);
+    assert!(so_far.figures.spp >= 1 && last.figures.mean_spp > so_far.figures.mean_spp);
+    assert!(
+        whole.color != fresh(&scene, so_far.figures.spp + 1).color,
+        "control: other samples are another picture"
+    );
+
+    // What is watched and what nobody watches end in the same picture, and nothing is left to take.
+    let watched = renderer.render(&scene, &spp(4), &Job::new(), watching, &mut |_| ()).unwrap().picture;
+    assert!(watched == fresh(&scene, 4) && renderer.take_so_far().is_none());
+    let nobody = &mut |_: &CurvePoint| assert!(renderer.take_so_far().is_none(), "nobody asked for passes");
+    renderer
+        .render(&scene, &Stop { seconds: Some(0.5), ..Stop::default() }, &Job::new(), KEPT, nobody)
+        .unwrap();
 }
 
 /// Each row of a cancelled picture is that row of a whole picture of as many samples.

@@ -95,6 +95,22 @@ impl Rendered {
         };
         Self { picture, figures, explanation: Vec::new() }
     }
+
+    /// A picture that is being rendered, as far as `point` tells. It has no provenance, and no figures of what was built.
+    pub(crate) fn so_far(picture: Picture, backend: &str, point: &CurvePoint) -> Self {
+        let rest = Self::of_file(picture);
+        let figures = RenderFigures {
+            backend: backend.into(),
+            seconds: point.seconds,
+            cpu_seconds: point.cpu_seconds,
+            spp: point.spp,
+            mean_spp: point.mean_spp,
+            error_estimate: point.error_estimate,
+            curve: vec![*point],
+            ..rest.figures
+        };
+        Self { figures, ..rest }
+    }
 }
 
 /// Renders a scene whose volumes and meshes are open.
