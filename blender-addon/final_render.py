@@ -72,7 +72,8 @@ def render(engine, depsgraph):
             engine.report({"WARNING"}, placed.differs(volume))
 
     # Render, and show what there is.
-    work = render_work.Work(pumice, kept.renderer, scene, volumes, parts.geometries(), limits(wishes), growing=is_watched())
+    how = {"growing": is_watched(), "denoise": wishes.use_denoise}
+    work = render_work.Work(pumice, kept.renderer, scene, volumes, parts.geometries(), limits(wishes), **how)
     shown = []
 
     def show(frame):

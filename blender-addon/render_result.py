@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Copies pictures of a final render into Blender's passes: frames while it renders, and the picture at its end.
 
-    Combined    RGBA    scene-linear, times coverage
+    Combined    RGBA    scene-linear, times coverage; Noisy Image likewise, where Combined is denoised
     others      as `passes` lists them; rows from the bottom, as Blender's are
 
 A frame has Combined alone; the other passes arrive with the picture. Pixels are copied with `foreach_set`, which takes 0.02 s for a full-HD
@@ -42,11 +42,14 @@ def hand_over(engine, view_layer, picture, metadata):
     result = engine.begin_result(0, 0, width, height, layer=view_layer.name)
     try:
         layer = result.layers[0]
-        combined = np.ones((height, width, 4), dtype=np.float32)
-        combined[..., :3] = picture.color
-        if picture.alpha is not None:
-            combined[..., 3] = picture.alpha
-        _fill(layer, "Combined", combined)
+        for name, color in (("Combined", picture.color), (passes.NOISY, picture.noisy)):
+            if color is None or name not in layer.passes:
+                continue
+            pixels = np.ones((height, width, 4), dtype=np.float32)
+            pixels[..., :3] = color
+            if picture.alpha is not None:
+                pixels[..., 3] = picture.alpha
+            _fill(layer, name, pixels)
         for one in passes.wanted(view_layer):
             pixels = one.pixels(picture)
             if not pixels:

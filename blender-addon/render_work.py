@@ -19,12 +19,12 @@ LOOK_SECONDS = 0.05
 class Work:
     """A render that has begun; `stop` are the limits of `final_render.limits`."""
 
-    def __init__(self, pumice, renderer, scene, volumes, meshes, stop, *, growing):
+    def __init__(self, pumice, renderer, scene, volumes, meshes, stop, *, growing, denoise=False):
         self.pumice, self.renderer, self.stop = pumice, renderer, stop
         self.job = pumice.Job()
         self.point = None
         self.picture = self.error = None
-        arguments = dict(meshes=meshes, growing=growing, unfinished=True, job=self.job, on_progress=self._progress, **stop)
+        arguments = dict(meshes=meshes, growing=growing, denoise=denoise, unfinished=True, job=self.job, on_progress=self._progress, **stop)
         self.thread = threading.Thread(target=self._run, args=(scene, volumes, arguments), name="pumice render")
         self.thread.start()
 

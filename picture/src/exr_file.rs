@@ -3,6 +3,7 @@
 //! | channels | type | what |
 //! |---|---|---|
 //! | `R`, `G`, `B` | float | scene-linear Rec. 709 radiance |
+//! | `ViewLayer.Noisy Image.R`, `.G`, `.B` | float | the same before denoising, where the picture is denoised and any pass is written |
 //! | `A` | float | share of the samples that hit a surface, for a transparent film; the colour is premultiplied |
 //! | `ViewLayer.Depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
 //! | `label.index` | uint | dense index of the label of the first surface + 1, 0 where there is none |
@@ -108,6 +109,9 @@ pub fn read_exr(path: &Path) -> Result<Picture, PictureError> {
 /// Name of the second channel of the label pass.
 pub(crate) const INSTANCE_CHANNEL: &str = "label.instance";
 
+/// Layer of the mean of the samples, in a file whose colour is denoised: its name in Blender.
+pub(crate) const NOISY_LAYER: &str = "ViewLayer.Noisy Image.";
+
 /// The layer name of a pass and the suffixes of its channels.
 pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
     match pass {
@@ -156,6 +160,9 @@ fn channels_of<'a>(
     }
     let mut channels = Vec::new();
     triple(&mut channels, "", "RGB", color, half);
+    if let Some(noisy) = picture.noisy.as_ref().filter(|_| *passes != Passes::NONE) {
+        triple(&mut channels, NOISY_LAYER, "RGB", noisy, half);
+    }
     let share = |of| if half { Samples::HalfFloats(of) } else { Samples::Floats(of) };
     channels.extend(alpha.map(|of| ("A".into(), share(of))));
     for pass in passes.iter() {

@@ -36,6 +36,7 @@ class Renderer:
         error: float | None = None,
         growing: bool = False,
         unfinished: bool = False,
+        denoise: bool = False,
         job: Job | None = None,
         on_progress: Callable[[CurvePoint], None] | None = None,
     ) -> Picture:
@@ -44,6 +45,7 @@ class Renderer:
 
         `growing`: `latest` gives frames meanwhile, about one a second; of a large film the first ones are coarse.
         `unfinished`: once the job is cancelled, the result is the picture so far; `Cancelled` is raised only if it has no sample.
+        `denoise`: as for `render`; frames are not denoised.
         """
         require_end(scene, spp, seconds, error)
         limits = arguments.limits(spp, seconds, error)
@@ -53,6 +55,7 @@ class Renderer:
             mesh.natives(meshes),
             limits,
             (bool(growing), bool(unfinished)),
+            denoise=bool(denoise),
             job=job,
             on_progress=told_points(on_progress),
         )
