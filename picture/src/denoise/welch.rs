@@ -8,8 +8,8 @@
 
 use crate::metrics::student_t::two_sided_quantile;
 
-/// Below this sum of two variances r is 0/0 in single precision. The test then asks for equal means, whatever t is.
-const LEAST_SQUARE: f32 = 1e-37;
+/// Added to the sum of two variances, so that there is something to divide by.
+const LEAST: f32 = 1e-30;
 
 /// The test at one level.
 #[derive(Clone, Copy, Debug)]
@@ -30,13 +30,17 @@ impl WelchTest {
         Self { t_squared: coefficients.map(|c| c as f32) }
     }
 
-    /// Whether two means that differ by `d` may be equal. `a` and `b` are their variances, finite and not negative.
+    /// The weight of a pixel whose mean differs by `d`: 0 where the test rejects that both are equal, else 1, or the own variance over the mean
+    /// of both where the other's is larger. `own` and `other` are their variances, finite and not negative.
     #[inline(always)]
-    pub(super) fn accepts(&self, d: f32, a: f32, b: f32) -> bool {
-        let sum = a + b;
-        let r = (a * a + b * b) / (sum * sum).max(LEAST_SQUARE);
+    pub(super) fn weight(&self, d: f32, own: f32, other: f32) -> f32 {
+        let sum = own + other;
+        // Of two variances of 0, r is 0, and the weight 1.
+        let inverse = 1.0 / (sum + LEAST);
+        let r = (own * own + other * other) * inverse * inverse;
+        let share = ((2.0 * own + LEAST) * inverse).min(1.0);
         let [constant, linear, quadratic] = self.t_squared;
-        d * d <= (constant + r * (linear + r * quadratic)) * sum
+        if d * d <= (constant + r * (linear + r * quadratic)) * sum { share } else { 0.0 }
     }
 }
 
@@ -58,7 +62,7 @@ mod tests {
                 let (mut low, mut high) = (0.0f32, 100.0f32);
                 for _ in 0..40 {
                     let middle = 0.5 * (low + high);
-                    if test.accepts(middle, a as f32, b as f32) { low = middle } else { high = middle }
+                    if test.weight(middle, a as f32, b as f32) > 0.0 { low = middle } else { high = middle }
                 }
                 let tail = two_sided_tail(f64::from(low) / (a + b).sqrt(), degrees);
                 assert!((tail / level - 1.0).abs() < 0.1, "{level}, {b}: {tail}");
@@ -69,10 +73,20 @@ mod tests {
     #[test]
     fn without_noise_only_equal_means_are_accepted() {
         let test = WelchTest::new(0.01, 3.0);
-        assert!(test.accepts(0.0, 0.0, 0.0));
-        assert!(!test.accepts(1e-18, 0.0, 0.0));
+        assert_eq!((test.weight(0.0, 0.0, 0.0), test.weight(1e-18, 0.0, 0.0)), (1.0, 0.0));
         // Variances whose squares are beyond single precision.
-        assert!(test.accepts(0.0, 1e-30, 1e-30) && !test.accepts(1e-9, 1e-30, 1e-30));
-        assert!(test.accepts(1e6, 1e18, 1e18));
+        assert_eq!((test.weight(0.0, 1e-30, 1e-30), test.weight(1e-9, 1e-30, 1e-30)), (1.0, 0.0));
+        assert_eq!(test.weight(1e6, 1e18, 1e18), 1.0);
+    }
+
+    /// A quiet neighbour counts in full, one with nine times the variance a fifth: 1 / ((1 + 9) / 2).
+    #[test]
+    fn noisy_neighbours_count_less() {
+        let test = WelchTest::new(0.01, 3.0);
+        for (own, other, weight) in
+            [(1.0, 1.0, 1.0), (1.0, 0.1, 1.0), (1.0, 9.0, 0.2), (9.0, 1.0, 1.0), (0.0, 1.0, 0.0)]
+        {
+            assert!((test.weight(0.0, own, other) - weight).abs() < 1e-6, "{own}, {other}");
+        }
     }
 }
