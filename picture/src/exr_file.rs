@@ -408,6 +408,10 @@ mod tests {
         };
         near(back.color.pixels[4..].as_flattened(), picture.color.pixels[4..].as_flattened());
         near(
+            back.noisy.as_ref().unwrap().pixels.as_flattened(),
+            picture.noisy.as_ref().unwrap().pixels.as_flattened(),
+        );
+        near(
             back.albedo.as_ref().unwrap().pixels.as_flattened(),
             picture.albedo.as_ref().unwrap().pixels.as_flattened(),
         );
@@ -418,6 +422,7 @@ mod tests {
         // Everything else is unchanged.
         let kept = Picture {
             color: picture.color.clone(),
+            noisy: picture.noisy.clone(),
             albedo: picture.albedo.clone(),
             normal: picture.normal.clone(),
             alpha: picture.alpha.clone(),
@@ -432,9 +437,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         let picture = sample_for(&path, 5, 4);
+        // The noisy picture is beside a denoised one wherever any pass is.
+        write_exr(&path, &picture, &Passes::NONE).unwrap();
+        assert_eq!(read_exr(&path).unwrap().noisy, None);
         write_exr(&path, &picture, &Passes::NONE.with(Pass::Label)).unwrap();
         let back = read_exr(&path).unwrap();
         let expected = Picture {
+            noisy: picture.noisy,
             label: picture.label,
             instance: picture.instance,
             labels: picture.labels,
