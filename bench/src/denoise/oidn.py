@@ -6,13 +6,14 @@
 
 import sys
 import time
+from importlib.metadata import version
 
 import numpy as np
 import pyoidn
 
 data = sys.stdin.buffer.read()
 if not data:
-    print(getattr(pyoidn, "__version__", "of an unknown version"))
+    print(version("pyoidn"))
     sys.exit()
 width, height = np.frombuffer(data, np.int32, 2)
 color, albedo, normal = np.frombuffer(data, np.float32, offset=8).reshape(3, height, width, 3).copy()
