@@ -332,6 +332,49 @@ fn faces_are_told_apart_by_their_normals() {
     }
 }
 
+#[test]
+fn base_colors_that_differ_visibly_are_not_mixed() {
+    let truth = Truth { label: &|_, _| 1, light: &|x, _| if x < 20 { 1.0 } else { 2.0 }, deviation: 0.0 };
+    let (mean, _) = truth.drawn(1);
+    let painted = |right: f32| {
+        let pixel = |i: usize| [if i % SIDE < 20 { 0.4 } else { right }; 3];
+        let albedo = Some(Image::new(SIDE, SIDE, (0..PIXELS).map(pixel).collect()));
+        Guides::of(&Picture { albedo, ..truth.surfaces() }).unwrap().unwrap()
+    };
+    assert_eq!(denoised(&mean, None, &painted(0.5)).unwrap(), mean);
+    assert_ne!(denoised(&mean, None, &painted(0.4)).unwrap(), mean);
+}
+
+/// The same light on two surfaces, one of a tenth of the other's base colour: 0.01 is added to both.
+#[test]
+fn what_is_filtered_of_light_does_not_depend_on_the_base_color_under_it() {
+    let truth = Truth { label: &|_, _| 1, light: &|x, _| if x < 20 { 1.0 } else { 2.0 }, deviation: 0.4 };
+    let (mean, variance) = truth.drawn(6);
+    let of = |albedo: f32, scale: f32| {
+        let albedo = Some(Image::new(SIDE, SIDE, vec![[albedo; 3]; PIXELS]));
+        let guides = Guides::of(&Picture { albedo, ..truth.surfaces() }).unwrap().unwrap();
+        filtered(
+            &(mean.map(|p| p.map(|v| v * scale)), variance.map(|p| p.map(|v| v * scale * scale))),
+            &guides,
+        )
+    };
+    for (bright, dark) in of(0.99, 1.0).pixels.iter().flatten().zip(of(0.09, 0.1).pixels.iter().flatten()) {
+        assert!((bright - 10.0 * dark).abs() < 1e-4, "{bright} {dark}");
+    }
+}
+
+/// Exact light on one label beside noise on another: the noise says nothing of the exact light.
+#[test]
+fn variance_is_pooled_within_a_label() {
+    let light = |x: usize, y: usize| if x < 20 { 1.0 + (y % 2) as f32 } else { 5.0 };
+    let truth = Truth { label: &|x, _| if x < 20 { 1 } else { 2 }, light: &light, deviation: 0.0 };
+    let (mean, mut variance) = truth.drawn(1);
+    for (i, pixel) in variance.pixels.iter_mut().enumerate().filter(|(i, _)| i % SIDE >= 20) {
+        *pixel = [1.0 + i as f32; 3];
+    }
+    assert_eq!(filtered(&(mean.clone(), variance), &truth.guides()), mean);
+}
+
 /// On a border that each pixel mixes with black in a share of its own, the same light falls on all of it.
 #[test]
 fn light_is_carried_over_between_pixels_that_an_edge_mixes_differently() {
