@@ -41,7 +41,7 @@ class PumiceRenderEngine(bpy.types.RenderEngine):
             self.error_set(said)
 
     def update_render_passes(self, scene=None, renderlayer=None):
-        for name, channels, channel_ids, kind in passes.registered(renderlayer):
+        for name, channels, channel_ids, kind in passes.registered(renderlayer, scene.pumice.use_denoise):
             self.register_pass(scene, renderlayer, name, channels, channel_ids, kind)
 
 

@@ -73,7 +73,7 @@ def render(engine, depsgraph):
 
     # Render, and show what there is.
     growing, watched = render_result.Growing(engine, view_layer, size), is_watched()
-    shown = dict(growing=watched, growing_passes=watched and bool(passes.wanted(view_layer)))
+    shown = dict(denoise=wishes.use_denoise, growing=watched, growing_passes=watched and bool(passes.wanted(view_layer)))
     work = render_work.Work(pumice, kept.renderer, scene, volumes, parts.geometries(), limits(wishes), **shown)
     picture = work.watch(engine, growing)
     if picture is None:

@@ -26,7 +26,7 @@ def line(status, frame, notes):
         if frame.error_estimate < 10.0:
             said.append(f"error {percent(frame.error_estimate)}")
         if frame.filtered:
-            said.append("filtered")
+            said.append("denoised, biased")
         said.append(f"{frame.seconds:.1f} s")
         if status.error:
             said.append(f"not shown: {status.error}")

@@ -68,6 +68,7 @@ class PUMICE_RENDER_PT_sampling(_OfScene, bpy.types.Panel):
         layout.prop(wishes, "viewport_samples", text="Viewport")
         layout.prop(wishes, "use_viewport_denoise")
         layout.prop(wishes, "samples", text="Render")
+        layout.prop(wishes, "use_denoise")
         for use, value, heading in (("use_error", "error_percent", "Error"), ("use_time", "time_seconds", "Time Limit")):
             row = layout.row(heading=heading)
             row.prop(wishes, use, text="")

@@ -18,6 +18,8 @@ from .sync import drawn
 
 NOTHING_DEPTH = np.float32(1e10)
 LARGEST_EXACT_LABEL = 1 << 24
+# The picture before it is denoised, under Cycles' name.
+NOISY = "Noisy Image"
 
 
 class Pass(NamedTuple):
@@ -126,9 +128,11 @@ def wanted(view_layer):
     return [one for one in TABLE if one.is_wanted(view_layer)]
 
 
-def registered(view_layer):
+def registered(view_layer, is_denoised=False):
     """(name, channels, channel names, kind) of each pass that a view layer has, as Blender asks for them."""
     yield "Combined", 4, "RGBA", "COLOR"
+    if is_denoised:
+        yield NOISY, 4, "RGBA", "COLOR"
     for one in wanted(view_layer):
         for name in one.names(view_layer):
             yield name, len(one.channels), one.channels, one.kind

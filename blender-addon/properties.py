@@ -74,8 +74,16 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     use_viewport_denoise: BoolProperty(
         name="Denoise Viewport",
         description=(
-            "Filter noise from the viewport's picture until it is done. Edges stay, fine shadows may blur. "
-            "The finished picture and final renders are never filtered"
+            "Denoise the viewport's picture until it is done. Labels stay sharp, faint shadows may blur. "
+            "The finished picture is not denoised"
+        ),
+        default=False,
+    )
+    use_denoise: BoolProperty(
+        name="Denoise",
+        description=(
+            "Denoise final renders: smoother, and biased, as pixels that a statistical test cannot tell apart are averaged. "
+            "The pass Noisy Image has the picture before"
         ),
         default=False,
     )

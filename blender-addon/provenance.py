@@ -9,7 +9,8 @@
     pumice/meshes    hash of the triangles of each mesh, in the scene's order
     pumice/seed      seed of the random numbers
     pumice/samples   samples of each pixel; the mean with a noise threshold
-    pumice/error     estimated relative error; absent where it is unknown
+    pumice/error     estimated relative error of the mean of the samples; absent where it is unknown
+    pumice/denoised  `statistical, biased` where the picture is denoised; absent elsewhere
 
 Blender writes it whatever is chosen in Output › Metadata.
 """
@@ -33,4 +34,6 @@ def fields(version, scene, volumes, meshes, picture, seed):
     }
     if picture.error_estimate is not None and math.isfinite(picture.error_estimate):
         found["error"] = f"{picture.error_estimate:.3g}"
+    if picture.denoised is not None:
+        found["denoised"] = picture.denoised
     return {PREFIX + key: value for key, value in found.items() if value}

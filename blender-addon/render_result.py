@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Copies pictures of a final render into Blender's passes: frames while it renders, and the picture at its end.
 
-    Combined    RGBA    scene-linear, times coverage
+    Combined    RGBA    scene-linear, times coverage; Noisy Image likewise, where Combined is denoised
     others      as `passes` lists them; rows from the bottom, as Blender's are
 
 A frame has Combined alone; now and then a picture so far brings the other passes. Pixels are copied with `foreach_set`, which takes 0.02 s for
@@ -61,7 +61,7 @@ class Growing:
         planes = [(name, plane) for one in passes.wanted(self._view_layer) for name, plane in _planes(one, self._view_layer, picture)]
         # Copies, rows from the bottom: the picture itself is given back.
         self._passes = {name: np.array(plane[::-1], dtype=np.float32)[::-1] for name, plane in planes}
-        self._fill(_combined(picture))
+        self._fill(_combined(picture, picture.color))
 
     def _fill(self, combined):
         result = self._engine.begin_result(0, 0, *self._size, layer=self._view_layer.name)
@@ -85,7 +85,9 @@ def hand_over(engine, view_layer, picture, metadata):
     result = engine.begin_result(0, 0, width, height, layer=view_layer.name)
     try:
         layer = result.layers[0]
-        _fill(layer, "Combined", _combined(picture))
+        for name, color in (("Combined", picture.color), (passes.NOISY, picture.noisy)):
+            if color is not None and name in layer.passes:
+                _fill(layer, name, _combined(picture, color))
         for one in passes.wanted(view_layer):
             planes = _planes(one, view_layer, picture)
             if not planes:
@@ -100,10 +102,10 @@ def hand_over(engine, view_layer, picture, metadata):
         engine.get_result().stamp_data_add_field(key, value)
 
 
-def _combined(picture):
-    """Color and alpha of a picture, rows from the top."""
-    combined = np.ones((*picture.color.shape[:2], 4), dtype=np.float32)
-    combined[..., :3] = picture.color
+def _combined(picture, color):
+    """This color and the alpha of a picture, rows from the top."""
+    combined = np.ones((*color.shape[:2], 4), dtype=np.float32)
+    combined[..., :3] = color
     if picture.alpha is not None:
         combined[..., 3] = picture.alpha
     return combined

@@ -19,12 +19,12 @@ LOOK_SECONDS = 0.05
 class Work:
     """A render that has begun; `stop` are the limits of `final_render.limits`."""
 
-    def __init__(self, pumice, renderer, scene, volumes, meshes, stop, *, growing, growing_passes=False):
+    def __init__(self, pumice, renderer, scene, volumes, meshes, stop, *, growing, growing_passes=False, denoise=False):
         self.pumice, self.renderer, self.stop = pumice, renderer, stop
         self.job = pumice.Job()
         self.point = None
         self.picture = self.error = None
-        shown = dict(growing=growing, growing_passes=growing_passes, unfinished=True)
+        shown = dict(denoise=denoise, growing=growing, growing_passes=growing_passes, unfinished=True)
         arguments = dict(meshes=meshes, job=self.job, on_progress=self._progress, **shown, **stop)
         self.thread = threading.Thread(target=self._run, args=(scene, volumes, arguments), name="pumice render")
         self.thread.start()

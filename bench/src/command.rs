@@ -7,8 +7,8 @@ use pumice_core::Job;
 
 use crate::console::{BenchResult, Console, Outcome};
 use crate::{
-    backends, convergence, embree, errors, export, extremes, instances, live, lod, needs, paper, peers,
-    sizes, speeds, stability,
+    backends, convergence, denoise, embree, errors, export, extremes, instances, live, lod, needs, paper,
+    peers, sizes, speeds, stability,
 };
 
 /// Measure, and print a table
@@ -21,6 +21,7 @@ pub struct Bench {
 #[derive(Debug, Subcommand)]
 enum Kind {
     Convergence(convergence::command::Flags),
+    Denoise(denoise::Flags),
     Errors(errors::Flags),
     Stability(stability::command::Flags),
     Needs(needs::command::Flags),
@@ -46,6 +47,7 @@ impl Bench {
         let console = &mut Console::new(out);
         match &self.what {
             Kind::Convergence(flags) => convergence::command::run(flags, job, console),
+            Kind::Denoise(flags) => denoise::run(flags, job, console),
             Kind::Errors(flags) => errors::run(flags, job, console),
             Kind::Stability(flags) => stability::command::run(flags, job, console),
             Kind::Needs(flags) => needs::command::run(flags, job, console),

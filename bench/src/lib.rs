@@ -8,6 +8,7 @@
 //! | [`backends`], [`live`], [`instances`] | rays and frames; latency of an edit; many instances | |
 //! | [`errors`], [`lod`] | relMSE over seconds; by level of detail | a picture of many samples |
 //! | [`convergence`] | relMSE over CPU seconds; noise in real light | Cycles |
+//! | [`denoise`] | relMSE and FLIP with and without a denoiser | Open Image Denoise |
 //! | [`embree`], [`peers`], [`paper`] | rays; bytes and voxels; encodings | Embree; other programs; the paper |
 //! | [`export`] | seconds, memory and bytes of exports; their import into Blender | other writers of USD |
 //! | [`needs`] | the cost of building parts that a scene does not need | the same scene without them |
@@ -20,6 +21,7 @@ pub mod backends;
 mod command;
 mod console;
 pub mod convergence;
+pub mod denoise;
 pub mod embree;
 pub mod errors;
 pub mod export;

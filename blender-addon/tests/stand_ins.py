@@ -214,7 +214,7 @@ class Module:
         self.renderers.append(Renderer(self, backend))
         return self.renderers[-1]
 
-    def render(self, scene, volumes, meshes=(), job=None, on_progress=None, unfinished=False, **limits):
+    def render(self, scene, volumes, meshes=(), job=None, on_progress=None, unfinished=False, denoise=False, **limits):
         """A picture in which every pixel of every pass has a different value."""
         self.renders.append((scene.value, list(volumes), limits))
         self.during_render(job, on_progress)
@@ -235,7 +235,9 @@ class Module:
                 passes[name] = at[:, :, None, None] + np.stack([ranks, ranks / 128], axis=1)
                 manifests[name] = {matte: 0x0123ABCD}
         notices = list(self.notices)
-        made = dict(backend="cpu", mean_spp=4.0, error_estimate=0.0123, notices=notices)
+        made = dict(backend="cpu", mean_spp=4.0, error_estimate=0.0123, notices=notices, noisy=None, denoised=None)
+        if denoise:
+            made |= dict(noisy=color + np.float32(0.25), denoised="statistical, biased")
         return types.SimpleNamespace(color=color, alpha=self.alpha, passes=passes, manifests=manifests, **made)
 
     def cryptomatte_hash(self, name):

@@ -104,6 +104,27 @@ def test_every_pass_that_is_offered_arrives_under_cycles_name(stage, drawn, tmp_
     assert {name: ours[name] for name in theirs if name in ours} == {name: theirs[name] for name in theirs if name in ours}
 
 
+def test_a_denoised_render_keeps_the_noisy_picture_under_cycles_name_and_says_what_it_is(stage, tmp_path):
+    import OpenImageIO
+
+    at = np.arange(96, dtype=np.float32).reshape(8, 12)
+    said = lambda: OpenImageIO.ImageInput.open(str(tmp_path / "out.exr")).spec().getattribute("pumice/denoised")  # noqa: E731
+    assert render(stage) == {"FINISHED"}
+    assert "Noisy Image" not in stage.seen and said() is None, "the control: it is off in new scenes"
+    stage.scene.pumice.use_denoise = True
+    assert render(stage) == {"FINISHED"}
+    assert np.array_equal(stage.seen["Combined"][::-1, :, 0], at)
+    assert np.array_equal(stage.seen["Noisy Image"][::-1, :, 0], at + 0.25) and (stage.seen["Noisy Image"][..., 3] == 1.0).all()
+    assert said() == "statistical, biased"
+    from cycles.engine import list_render_passes
+
+    cycles = stage.bpy.context.view_layer.cycles
+    cycles.denoising_store_passes = True
+    theirs = {name: (len(channels), kind) for name, channels, kind in list_render_passes(stage.scene, stage.bpy.context.view_layer)}
+    ours = {name: (count, kind) for name, count, _, kind in stage.load("passes").registered(stage.bpy.context.view_layer, True)}
+    assert ours["Noisy Image"] == theirs["Noisy Image"]
+
+
 def test_mattes_arrive_in_layers_with_what_they_are(stage, tmp_path):
     """Cryptomatte passes arrive as layers, with their manifest in the file's attributes. A layer holds two levels."""
     import OpenImageIO

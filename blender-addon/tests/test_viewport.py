@@ -205,7 +205,7 @@ def test_the_viewport_is_filtered_where_that_is_wished_and_says_so(stage):
     for filtered in (True, False):
         shown.session.show(1 + (not filtered), filtered=filtered)
         shown.poll()
-        assert ("filtered" in stage.load("overlay").line(shown.session.status, shown.session.frame, [])) == filtered
+        assert ("denoised, biased" in stage.load("overlay").line(shown.session.status, shown.session.frame, [])) == filtered
 
 
 def test_the_columns_of_labels_are_sent(stage):

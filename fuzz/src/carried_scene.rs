@@ -68,6 +68,7 @@ pub fn seeds(scene: &str) -> Vec<Vec<u8>> {
         sky_hash: None,
         spp: 64,
         error_estimate: Some(0.01),
+        denoised: None,
         annotations: Annotations { dpi: Some(300.0), ..Annotations::default() },
     };
     let mut huge = provenance.clone();

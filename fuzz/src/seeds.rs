@@ -194,6 +194,7 @@ pub fn pictures() -> Vec<Vec<u8>> {
     let image = Image::new(width, height, (0..20).map(|i| [i as f32, 0.5, 1.0 / (1.0 + i as f32)]).collect());
     let ours = Picture {
         color: image.clone(),
+        noisy: Some(image.clone()),
         variance: Some(image.clone()),
         depth: Some(vec![f32::INFINITY; 20]),
         label: Some((0..20).collect()),
@@ -224,6 +225,7 @@ pub fn pictures() -> Vec<Vec<u8>> {
             sky_hash: None,
             spp: 64,
             error_estimate: Some(0.01),
+            denoised: None,
             annotations: pumice_picture::Annotations { dpi: Some(300.0), ..Default::default() },
         }),
         marks: Vec::new(),

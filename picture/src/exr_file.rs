@@ -3,6 +3,7 @@
 //! | channels | type | what |
 //! |---|---|---|
 //! | `R`, `G`, `B` | float | scene-linear Rec. 709 radiance |
+//! | `ViewLayer.Noisy Image.R`, `.G`, `.B` | float | the same before denoising, where the picture is denoised and any pass is written |
 //! | `A` | float | share of the samples that hit a surface, for a transparent film; the colour is premultiplied |
 //! | `ViewLayer.Depth.Z` | float | distance along the view axis to the first surface, +inf where there is none |
 //! | `label.index` | uint | dense index of the label of the first surface + 1, 0 where there is none |
@@ -108,6 +109,9 @@ pub fn read_exr(path: &Path) -> Result<Picture, PictureError> {
 /// Name of the second channel of the label pass.
 pub(crate) const INSTANCE_CHANNEL: &str = "label.instance";
 
+/// Layer of the mean of the samples, in a file whose colour is denoised: its name in Blender.
+pub(crate) const NOISY_LAYER: &str = "ViewLayer.Noisy Image.";
+
 /// The layer name of a pass and the suffixes of its channels.
 pub(crate) fn channels_of_pass(pass: Pass) -> (&'static str, &'static str) {
     match pass {
@@ -156,6 +160,9 @@ fn channels_of<'a>(
     }
     let mut channels = Vec::new();
     triple(&mut channels, "", "RGB", color, half);
+    if let Some(noisy) = picture.noisy.as_ref().filter(|_| *passes != Passes::NONE) {
+        triple(&mut channels, NOISY_LAYER, "RGB", noisy, half);
+    }
     let share = |of| if half { Samples::HalfFloats(of) } else { Samples::Floats(of) };
     channels.extend(alpha.map(|of| ("A".into(), share(of))));
     for pass in passes.iter() {
@@ -401,6 +408,10 @@ mod tests {
         };
         near(back.color.pixels[4..].as_flattened(), picture.color.pixels[4..].as_flattened());
         near(
+            back.noisy.as_ref().unwrap().pixels.as_flattened(),
+            picture.noisy.as_ref().unwrap().pixels.as_flattened(),
+        );
+        near(
             back.albedo.as_ref().unwrap().pixels.as_flattened(),
             picture.albedo.as_ref().unwrap().pixels.as_flattened(),
         );
@@ -411,6 +422,7 @@ mod tests {
         // Everything else is unchanged.
         let kept = Picture {
             color: picture.color.clone(),
+            noisy: picture.noisy.clone(),
             albedo: picture.albedo.clone(),
             normal: picture.normal.clone(),
             alpha: picture.alpha.clone(),
@@ -425,9 +437,13 @@ mod tests {
         let folder = tempfile::tempdir().unwrap();
         let path = folder.path().join("a.exr");
         let picture = sample_for(&path, 5, 4);
+        // The noisy picture is beside a denoised one wherever any pass is.
+        write_exr(&path, &picture, &Passes::NONE).unwrap();
+        assert_eq!(read_exr(&path).unwrap().noisy, None);
         write_exr(&path, &picture, &Passes::NONE.with(Pass::Label)).unwrap();
         let back = read_exr(&path).unwrap();
         let expected = Picture {
+            noisy: picture.noisy,
             label: picture.label,
             instance: picture.instance,
             labels: picture.labels,

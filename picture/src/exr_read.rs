@@ -23,7 +23,7 @@ use pumice_core::{NoMemory, open_input};
 use rayon::prelude::*;
 
 use crate::cryptomatte::{self, Matte};
-use crate::exr_file::{INSTANCE_CHANNEL, channels_of_pass, check_size};
+use crate::exr_file::{INSTANCE_CHANNEL, NOISY_LAYER, channels_of_pass, check_size};
 use crate::picture_labels::{LABELS_KEY, labels_of};
 use crate::provenance_paths::from_file;
 use crate::provenance_text::PROVENANCE_KEY;
@@ -39,6 +39,8 @@ const BATCH_CHUNKS: usize = 64;
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum ChannelTarget {
     Color(usize),
+    /// The mean of the samples of a denoised picture.
+    Noisy(usize),
     Alpha,
     /// A pass with three channels.
     Triple(Pass, usize),
@@ -244,6 +246,11 @@ fn places_of(header: &Header, prefix: &str) -> Result<Vec<Option<ChannelTarget>>
         if name.strip_prefix(prefix) == Some("A") {
             return Some(ChannelTarget::Alpha);
         }
+        if let Some(rest) = name.strip_prefix(NOISY_LAYER)
+            && let Some(c) = ["R", "G", "B"].iter().position(|&l| l == rest)
+        {
+            return whole(NOISY_LAYER, "RGB").then_some(ChannelTarget::Noisy(c));
+        }
         if name == INSTANCE_CHANNEL {
             return Some(ChannelTarget::Instance);
         }
@@ -327,6 +334,7 @@ struct Planes {
     width: usize,
     height: usize,
     color: Vec<[f32; 3]>,
+    noisy: Option<Vec<[f32; 3]>>,
     alpha: Option<Vec<f32>>,
     label: Option<Vec<u32>>,
     instance: Option<Vec<u32>>,
@@ -368,6 +376,7 @@ impl Planes {
             height,
             mattes,
             color: filled(pixels, [0.0; 3])?,
+            noisy: has(ChannelTarget::Noisy(0)).then(|| filled(pixels, [0.0; 3])).transpose()?,
             alpha: has(ChannelTarget::Alpha).then(|| filled(pixels, 0.0)).transpose()?,
             label: has(ChannelTarget::Label).then(|| filled(pixels, 0)).transpose()?,
             instance: has(ChannelTarget::Instance).then(|| filled(pixels, 0)).transpose()?,
@@ -391,6 +400,7 @@ impl Planes {
         let number = |p: &mut Vec<f32>| copy(&mut p[row.clone()], x, kind, bytes, |n, v| *n = v);
         match place {
             ChannelTarget::Color(c) => triple(&mut self.color, c),
+            ChannelTarget::Noisy(c) => self.noisy.iter_mut().for_each(|p| triple(p, c)),
             ChannelTarget::Triple(pass, c) => {
                 self.triples.get_mut(&pass).into_iter().for_each(|p| triple(p, c))
             }
@@ -414,6 +424,7 @@ impl Planes {
             |(pass, layers)| Matte { pass, layers, names: names.remove(&pass).unwrap_or_default() };
         let image = |pixels| Image::new(self.width, self.height, pixels);
         Picture {
+            noisy: self.noisy.map(image),
             variance: self.triples.remove(&Pass::Variance).map(image),
             depth: self.numbers.remove(&Pass::Depth),
             label: self.label,

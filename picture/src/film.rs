@@ -21,6 +21,7 @@ use rayon::prelude::*;
 
 use crate::film_memory::film_bytes;
 use crate::image::Image;
+use crate::metrics::Variance;
 use crate::passes::PassSums;
 use crate::resting::Resting;
 
@@ -35,6 +36,11 @@ pub const STRIDE: usize = 3 * R;
 
 /// Rows that one thread estimates at a time.
 const ROWS_A_BLOCK: usize = 32;
+
+/// A film's [variance](FilmBuffer::variance) with its degrees of freedom: it comes from the spread of the classes' means.
+pub fn variance_known(of_mean: &Image) -> Variance<'_> {
+    Variance { of_mean, degrees_of_freedom: f64::from(CLASSES - 1) }
+}
 
 /// Added to μ², so that black pixels do not count infinitely: as in `metrics::rel_mse`.
 pub(crate) const FLOOR: f64 = 0.01;

@@ -126,7 +126,7 @@ mod tests {
             assert_eq!(bytes % 70, 0);
             bytes / 70
         };
-        // Four replicates of three floats and the colour; depth, label, base colour, normal and position, found and kept.
+        // Four classes of three floats and the colour; depth, label, base colour, normal and position, found and kept.
         let plain = 4 * 12 + 12 + 2 * (4 + 4 + 3 * 12);
         assert_eq!(of(&[], false, false, false), plain);
         let shown = film(10, 7, Passes::NONE);
@@ -145,7 +145,7 @@ mod tests {
             of(&[Pass::CryptomatteLabel, Pass::CryptomatteType], false, false, false),
             plain + 2 * matte
         );
-        // Light of catchers: 11 floats of each replicate, or 8 where the picture does not show what is behind.
+        // Light of catchers: 11 floats of each class, or 8 where the picture does not show what is behind.
         assert_eq!(of(&[], false, false, true), plain + 4 * 11 * 4);
         assert_eq!(of(&[], true, false, true), plain + 4 + 4 + 4 * 8 * 4);
         assert_eq!(of(&[Pass::ShadowCatcher], false, false, true), plain + 4 * 8 * 4 + 12);

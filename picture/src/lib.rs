@@ -11,6 +11,7 @@
 pub mod agreement;
 pub mod annotate;
 pub mod cryptomatte;
+pub mod denoise;
 pub mod exr_file;
 mod exr_header;
 mod exr_read;
@@ -22,7 +23,6 @@ pub mod passes;
 pub mod picture;
 mod picture_labels;
 pub mod png_file;
-pub mod preview;
 pub mod provenance_paths;
 mod provenance_text;
 pub mod radiance_file;
@@ -34,6 +34,7 @@ pub mod view_transform;
 
 pub use annotate::{Annotations, ScaleBar};
 pub use cryptomatte::{Matte, name_mattes};
+pub use denoise::{Denoiser, Guides};
 pub use exr_file::{read_exr, write_exr, write_exr_as, write_exr_half};
 pub use film::FilmBuffer;
 pub use image::Image;

@@ -6,6 +6,7 @@ use serde::{Deserialize, Serialize};
 
 use crate::annotate::{Annotations, Mark};
 use crate::cryptomatte::Matte;
+use crate::denoise::Denoiser;
 use crate::image::Image;
 use crate::picture_labels::InstanceLabels;
 
@@ -29,8 +30,11 @@ pub struct Provenance {
     pub sky_hash: Option<String>,
     /// Samples per pixel.
     pub spp: u32,
-    /// Estimated relative error, where known.
+    /// Estimated relative error of the mean of the samples, where known.
     pub error_estimate: Option<f64>,
+    /// The filter that the colour went through, which makes it biased; `None` where it is the mean of its samples.
+    #[serde(default, skip_serializing_if = "Option::is_none")]
+    pub denoised: Option<Denoiser>,
     /// What is drawn over the picture.
     #[serde(default, skip_serializing_if = "Annotations::is_empty")]
     pub annotations: Annotations,
@@ -39,8 +43,10 @@ pub struct Provenance {
 /// A picture with its passes. Row 0 is the top.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Picture {
-    /// Scene-linear Rec. 709 radiance: the mean of all samples.
+    /// Scene-linear Rec. 709 radiance: the mean of all samples, or what a denoiser made of it.
     pub color: Image,
+    /// The mean of all samples, where the colour is denoised.
+    pub noisy: Option<Image>,
     /// Variance of that mean, per channel; `None` if it is not known.
     pub variance: Option<Image>,
     /// Distance along the view axis to the first surface, of the sample nearest the pixel's centre; infinite where there is none.
@@ -80,6 +86,7 @@ impl Picture {
     pub fn of(color: Image) -> Self {
         Self {
             color,
+            noisy: None,
             variance: None,
             depth: None,
             label: None,

@@ -3,6 +3,7 @@
 use pumice_scene::Scene;
 
 use crate::cryptomatte::{Matte, hash, id_of_hash};
+use crate::denoise::Denoiser;
 use crate::{Annotations, Image, InstanceLabels, Pass, Picture, Provenance};
 
 /// A provenance with every kind of value, with characters that neither ASCII nor Latin-1 has.
@@ -32,6 +33,7 @@ pub(crate) fn provenance() -> Provenance {
         sky_hash: None,
         spp: 64,
         error_estimate: Some(0.012_345_678_901_234_5),
+        denoised: Some(Denoiser::Statistical),
         annotations: Annotations {
             dpi: Some(300.0),
             scale_bar: "10um@center".parse().ok(),
@@ -69,6 +71,7 @@ pub(crate) fn picture(width: usize, height: usize) -> Picture {
     };
     let mut picture = Picture {
         color: image(1.0),
+        noisy: Some(image(2.0)),
         variance: Some(image(1e-9)),
         depth: Some((0..pixels).map(|i| if i % 3 == 0 { f32::INFINITY } else { i as f32 / 3.0 }).collect()),
         label: Some((0..pixels).map(|i| (i as u32).wrapping_mul(0x0100_0001)).collect()),

@@ -245,6 +245,10 @@ class Picture:
         """
         Normal of the first surface.
         """
+    def noisy(self, /) -> Array | None:
+        """
+        The mean of the samples, where the colour is denoised.
+        """
     def paths(self, /) -> list[tuple[str, Path]]:
         """
         The files that the picture names, each with its field in the scene.
@@ -267,7 +271,7 @@ class Picture:
         """
     def variance(self, /) -> Array | None:
         """
-        Variance of the colour, per channel; `None` with less than one sample per independent replicate.
+        Variance of the mean of the samples, per channel; `None` with less than one sample per independent replicate.
         """
 
 @final
@@ -312,7 +316,7 @@ class Renderer:
         """
         How often each kind of data was built, by name; waits for a picture that is being rendered.
         """
-    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool, bool], *, job: Job | None, on_progress: Any | None) -> Picture:
+    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool, bool], *, denoise: bool, job: Job | None, on_progress: Any | None) -> Picture:
         """
         Renders a scene until the first limit is reached. `watching`: whether frames are published, whether pictures so far are
         made with all passes, and whether a cancelled render returns its picture so far.
@@ -598,7 +602,7 @@ def read_picture(path: str | PathLike[str]) -> Picture:
     Reads a picture from an OpenEXR file.
     """
 
-def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], annotate: Incomplete, *, job: Job | None, on_progress: Any | None) -> Picture:
+def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], annotate: Incomplete, *, denoise: bool, job: Job | None, on_progress: Any | None) -> Picture:
     """
     Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
     `meshes[i]` belongs to its mesh i.

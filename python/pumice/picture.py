@@ -61,6 +61,8 @@ class Picture:
         self.explanation: list[str] = told["explanation"]
         self.color: Floats = np.asarray(native.color())
         self.alpha: Floats | None = _maybe(native.alpha())
+        self.noisy: Floats | None = _maybe(native.noisy())
+        """The mean of the samples, where `color` is denoised."""
         self.variance: Floats | None = _maybe(native.variance())
         self.depth: Floats | None = _maybe(native.depth())
         self.label: npt.NDArray[np.uint32] | None = _maybe(native.label())
@@ -94,6 +96,13 @@ class Picture:
         """Estimated relative error, where known."""
         error = self._figures["error_estimate"]
         return None if error is None else float(error)
+
+    @property
+    def denoised(self) -> str | None:
+        """The filter that the colors went through, as files name it; None where they are the mean of the samples. Denoised colors are biased:
+        `error_estimate` and `variance` are those of `noisy`."""
+        found = self._figures.get("denoised")
+        return None if found is None else str(found)
 
     @property
     def backend(self) -> str:
@@ -212,6 +221,7 @@ def render(
     dpi: float | None = None,
     scale_bar: str | None = None,
     legend: int | None = None,
+    denoise: bool = False,
     job: Job | None = None,
     on_progress: Callable[[CurvePoint], None] | None = None,
 ) -> Picture:
@@ -226,7 +236,8 @@ def render(
     `dpi`: pixels per inch that files of the picture state. `scale_bar`: a bar in the lower right corner, such as `10um` or `auto`, in a
     perspective view with its plane: `10um@center`, `auto@focus`, `10um@12.5`. `legend`: names and colours of at most so many shown labels, most
     voxels first, in the upper left corner, beside which `figure(…, legend=…)` frames what it shows. Both are in `save` and `srgb` and not in
-    `color` and the passes. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
+    `color` and the passes. `denoise`: averages pixels of one label that a statistical test cannot tell apart. The picture is then smoother, and biased;
+    `noisy` is the mean of its samples. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
     """
     require_end(scene, spp, seconds, error)
     annotate = arguments.annotate_as(width_mm, dpi, scale_bar, legend)
@@ -237,6 +248,7 @@ def render(
         mesh.natives(meshes),
         how,
         annotate,
+        denoise=bool(denoise),
         job=job,
         on_progress=told_points(on_progress),
     )

@@ -37,6 +37,7 @@ class Renderer:
         growing: bool = False,
         growing_passes: bool = False,
         unfinished: bool = False,
+        denoise: bool = False,
         job: Job | None = None,
         on_progress: Callable[[CurvePoint], None] | None = None,
     ) -> Picture:
@@ -47,6 +48,7 @@ class Renderer:
         `growing_passes`: `take_so_far` gives pictures with all passes meanwhile, the first one after the first samples, the next ones so
         seldom that making them takes at most a hundredth of the time.
         `unfinished`: once the job is cancelled, the result is the picture so far; `Cancelled` is raised only if it has no sample.
+        `denoise`: as for `render`; frames are not denoised.
         """
         require_end(scene, spp, seconds, error)
         limits = arguments.limits(spp, seconds, error)
@@ -56,6 +58,7 @@ class Renderer:
             mesh.natives(meshes),
             limits,
             (bool(growing), bool(growing_passes), bool(unfinished)),
+            denoise=bool(denoise),
             job=job,
             on_progress=told_points(on_progress),
         )

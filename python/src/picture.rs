@@ -55,7 +55,12 @@ impl Picture {
         image(&self.0.picture.color)
     }
 
-    /// Variance of the colour, per channel; `None` with less than one sample for each of four classes.
+    /// The mean of the samples, where the colour is denoised.
+    fn noisy(&self) -> Option<Array> {
+        self.0.picture.noisy.as_ref().map(image)
+    }
+
+    /// Variance of the mean of the samples, per channel; `None` with less than one sample for each of four classes.
     fn variance(&self) -> Option<Array> {
         self.0.picture.variance.as_ref().map(image)
     }
@@ -223,7 +228,7 @@ impl AnnotateAs {
 /// Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
 /// `meshes[i]` belongs to its mesh i.
 #[pyfunction]
-#[pyo3(signature = (scene, volumes, meshes, how, annotate, *, job, on_progress))]
+#[pyo3(signature = (scene, volumes, meshes, how, annotate, *, denoise, job, on_progress))]
 #[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
 pub(crate) fn render(
     py: Python<'_>,
@@ -232,6 +237,7 @@ pub(crate) fn render(
     meshes: Vec<Bound<'_, Mesh>>,
     how: RenderAs,
     annotate: AnnotateAs,
+    denoise: bool,
     job: Option<&Bound<'_, Job>>,
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Picture> {
@@ -262,6 +268,9 @@ pub(crate) fn render(
         let scene = LoadedScene::new(scene, volumes, meshes)?;
         let laid_out = lay_out(&scene, &annotations)?;
         let mut rendered = render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))?;
+        if denoise {
+            rendered.denoise()?;
+        }
         laid_out.apply(&mut rendered);
         Ok::<_, SessionError>(rendered)
     });

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_session::{PersistentRenderer, Stop, Watching, with_built_in};
+use pumice_session::{PersistentRenderer, SessionError, Stop, Watching, with_built_in};
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
@@ -58,7 +58,7 @@ impl Renderer {
 
     /// Renders a scene until the first limit is reached. `watching`: whether frames are published, whether pictures so far are
     /// made with all passes, and whether a cancelled render returns its picture so far.
-    #[pyo3(signature = (scene, volumes, meshes, limits, watching, *, job, on_progress))]
+    #[pyo3(signature = (scene, volumes, meshes, limits, watching, *, denoise, job, on_progress))]
     #[expect(clippy::too_many_arguments, reason = "the façade's keywords")]
     fn render(
         &self,
@@ -68,6 +68,7 @@ impl Renderer {
         meshes: Vec<Bound<'_, Mesh>>,
         limits: Limits,
         watching: (bool, bool, bool),
+        denoise: bool,
         job: Option<&Bound<'_, Job>>,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Picture> {
@@ -84,7 +85,12 @@ impl Renderer {
             let meshes = with_built_in(&scene, meshes)?;
             let scene = LoadedScene::new(scene, volumes, meshes)?;
             let watching = Watching { growing, passes, unfinished };
-            renderer.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))
+            let mut rendered =
+                renderer.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))?;
+            if denoise {
+                rendered.denoise()?;
+            }
+            Ok::<_, SessionError>(rendered)
         });
         told.result(rendered)
     }

@@ -63,7 +63,7 @@ def made(small, tmp_path_factory):
     reference = pumice.ReferencePicture.of(pictures)
     stored = {name: getattr(reference, name) for name in ("mean", "variance", "tile_variance", "total_variance", "seeds")}
     limits = {"spp": 1, "seconds": 0.05, "error": 1e-9}
-    rendering = {"scene": scene, "volumes": volume, "meshes": (), **limits, "job": None, "on_progress": None}
+    rendering = {"scene": scene, "volumes": volume, "meshes": (), **limits, "denoise": False, "job": None, "on_progress": None}
     picture = pumice.render(scene, volume, spp=1, backend="cpu")
     session = pumice.Session(scene, volume, spp=1, backend="cpu")
     renderer = pumice.Renderer(backend="cpu")

@@ -6,6 +6,7 @@ pub mod backend;
 pub mod compare_files;
 pub mod compress_file;
 pub mod cycles;
+mod denoise;
 pub mod error;
 pub mod export_file;
 pub mod figure;

@@ -37,7 +37,7 @@ pub struct LiveOptions {
     pub backend: String,
     /// Limits at which the picture of a revision is done.
     pub stop: Stop,
-    /// Whether frames that are not converged are [denoised](pumice_picture::preview).
+    /// Whether frames that are not converged are [denoised](pumice_picture::denoise).
     pub denoise: bool,
 }
 

@@ -352,6 +352,7 @@ mod tests {
                 sky_hash: None,
                 spp: 1,
                 error_estimate: None,
+                denoised: None,
                 annotations: Annotations::default(),
             }),
             ..Picture::of(Image::new(3, 2, vec![[0.0; 3]; 6]))

@@ -56,6 +56,7 @@ struct Ready {
     stop: Stop,
     backend: String,
     annotations: Annotations,
+    denoise: bool,
     opening_seconds: [f64; 2],
 }
 
@@ -74,8 +75,13 @@ impl Ready {
         make_renderer(&request.backend)?;
 
         let clock = Stopwatch::start();
-        let Prepared { opened: OpenedScene { mut scene, volumes, meshes }, stop, backend, annotations } =
-            prepare(request, job)?;
+        let Prepared {
+            opened: OpenedScene { mut scene, volumes, meshes },
+            stop,
+            backend,
+            annotations,
+            denoise,
+        } = prepare(request, job)?;
         let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
         // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
         if request.passes != ["all"] {
@@ -85,7 +91,7 @@ impl Ready {
             scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
         }
         let scene = LoadedScene::new(scene, volumes, meshes)?;
-        Ok(Self { format, passes, scene, stop, backend, annotations, opening_seconds })
+        Ok(Self { format, passes, scene, stop, backend, annotations, denoise, opening_seconds })
     }
 }
 
@@ -98,11 +104,14 @@ pub fn render_file(
     job: &Job,
     watch: &mut (dyn FnMut(&Stop, &CurvePoint) + Send),
 ) -> Result<Rendered> {
-    let Ready { format, passes, scene, stop, backend, annotations, opening_seconds } =
+    let Ready { format, passes, scene, stop, backend, annotations, denoise, opening_seconds } =
         Ready::new(request, std::slice::from_ref(&request.out), job)?;
     let laid_out = lay_out(&scene, &annotations)?;
     let mut rendered = in_pool(request.threads, || -> Result<Rendered> {
         let mut rendered = render_scene(&scene, &backend, &stop, job, &mut |point| watch(&stop, point))?;
+        if denoise {
+            rendered.denoise()?;
+        }
         laid_out.apply(&mut rendered);
         rendered.figures.opening_seconds = Some(opening_seconds);
         if request.explain {

@@ -43,7 +43,7 @@ OPTIONS = {
     "decompress": {"--out": ""},
     "render": {
         **dict.fromkeys(["--out", "--again", "--backend", "--time", "--threads", "--json", "--save-scene", "--explain", "--no-paths"], ""),
-        **dict.fromkeys(["--size", "--spp", "--error", "--noise-threshold", "--mode", "--lod", "--seed", "--transparent"], "with --again"),
+        **dict.fromkeys(["--size", "--spp", "--error", "--noise-threshold", "--mode", "--lod", "--seed", "--transparent", "--denoise"], "with --again"),
         "--labels": "with --again, with --pick, and for labels that no volume has",
         **dict.fromkeys(["--color", "--material"], "with --again, for scenes, and for labels of which none is shown"),
         "--min-spp": "with --again, and where no pixel rests",

@@ -1,6 +1,6 @@
 //! `pumice bench convergence`
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use pumice_core::Job;
@@ -8,7 +8,10 @@ use pumice_session::error::{Result, SessionError};
 use pumice_session::shipped_volume;
 use pumice_session::values::size;
 
-use super::real_light::{LEAST_SPP, LightScene, RealLightOptions, measure_real_light, write_real_light};
+use super::real_light::{
+    LEAST_SPP, LightScene, RealLightOptions, measure_real_light, volumes_or_those_of_real_light,
+    write_real_light,
+};
 use super::{ConvergenceOptions, measure_convergence, write_convergence};
 use crate::console::{BenchResult, Console, Outcome};
 use crate::files::{rising, scratch};
@@ -73,10 +76,6 @@ pub(crate) struct Flags {
     #[arg(long, value_name = "DIR", default_value = "pumice-convergence")]
     out: PathBuf,
 }
-
-/// Volumes of real light, beside the shipped one: nuclei, brain regions, cortex.
-const SHIPPED: [&str; 3] =
-    ["platynereis_nuclei.tif", "torchio_t1_seg_gif_PIR.nii.gz", "connectomics_32x32x40nm.nrrd"];
 
 pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
     match flags.scenes {
@@ -160,16 +159,8 @@ fn real_light_options(flags: &Flags) -> Result<RealLightOptions> {
             return Err(wrong(format!("--bounces: expected one number in real light, got {}", more.len())));
         }
     };
-    let volumes = match flags.volumes.is_empty() {
-        true => {
-            let cortex = shipped_volume()?;
-            let folder = cortex.parent().unwrap_or(Path::new(""));
-            SHIPPED.map(|name| folder.join(name)).to_vec()
-        }
-        false => flags.volumes.clone(),
-    };
     Ok(RealLightOptions {
-        volumes,
+        volumes: volumes_or_those_of_real_light(&flags.volumes)?,
         cycles: flags.cycles.clone(),
         scenes: flags.only.clone().unwrap_or_else(|| LightScene::value_variants().to_vec()),
         pick: flags.pick as usize,

@@ -28,7 +28,7 @@ use pumice_picture::Image;
 use pumice_scene::Scene;
 use pumice_session::cycles::Cycles;
 use pumice_session::error::{Result, SessionError, io};
-use pumice_session::{Residence, make_renderer, open_meshes, open_volume};
+use pumice_session::{Residence, make_renderer, open_meshes, open_volume, shipped_volume};
 use pumice_transport::geometry::DetailLevel;
 use pumice_transport::{LoadedScene, Renderer};
 
@@ -41,7 +41,7 @@ use crate::mean_picture::MeanPicture;
 use crate::timing::Took;
 use noise::{Noise, Weights};
 use parts::{Part, parts_of};
-use scenes::Figure;
+pub(crate) use scenes::Figure;
 
 pub(super) use tables::write_real_light;
 
@@ -156,26 +156,64 @@ pub fn measure_real_light(
     watch: &mut dyn FnMut(&str),
 ) -> Result<Vec<LightResult>> {
     std::fs::create_dir_all(folder).map_err(io(folder))?;
-    let folder = folder.canonicalize().map_err(io(folder))?;
     let figure = Figure { size: options.size, pick: options.pick, bounces: options.bounces };
-    let mut opened: BTreeMap<usize, (PathBuf, Arc<CompressedVolume>)> = BTreeMap::new();
     let mut results = Vec::new();
-    for which in &options.scenes {
-        let place = which.volume() % options.volumes.len().max(1);
+    each_scene(&options.scenes, &options.volumes, figure, folder, job, &mut |name, scene, volume| {
+        let mut said = |step: &str| watch(&format!("{name}: {step}"));
+        results.push(measure_scene(options, name, scene, volume, job, &mut said)?);
+        Ok(())
+    })?;
+    Ok(results)
+}
+
+/// What is done with a scene, whose name, fields and volume it gets.
+type EachScene<'a> = dyn FnMut(&'static str, &Scene, &Arc<CompressedVolume>) -> Result<()> + 'a;
+
+/// Calls `each` with some of the scenes, which are written into `folder`. Each volume is opened once.
+///
+/// # Errors
+/// Errors of reading and writing, and those of `each`.
+pub(crate) fn each_scene(
+    scenes: &[LightScene],
+    volumes: &[PathBuf],
+    figure: Figure,
+    folder: &Path,
+    job: &Job,
+    each: &mut EachScene<'_>,
+) -> Result<()> {
+    let folder = folder.canonicalize().map_err(io(folder))?;
+    let mut opened: BTreeMap<usize, (PathBuf, Arc<CompressedVolume>)> = BTreeMap::new();
+    for which in scenes {
+        let place = which.volume() % volumes.len().max(1);
         let (source, volume) = match opened.entry(place) {
             Entry::Occupied(there) => there.into_mut(),
             Entry::Vacant(free) => {
-                let path =
-                    options.volumes.get(place).ok_or_else(|| SessionError::Caller("no volume".into()))?;
+                let path = volumes.get(place).ok_or_else(|| SessionError::Caller("no volume".into()))?;
                 let volume = open_volume(path, &OpenOptions::default(), Residence::Mapped, job)?;
                 free.insert((path.canonicalize().map_err(io(path))?, volume))
             }
         };
         let scene = which.write(&folder, volume, source.clone(), figure)?;
-        let mut said = |step: &str| watch(&format!("{}: {step}", which.name()));
-        results.push(measure_scene(options, which.name(), &scene, volume, job, &mut said)?);
+        each(which.name(), &scene, volume)?;
     }
-    Ok(results)
+    Ok(())
+}
+
+/// Volumes of real light, beside the shipped one: nuclei, brain regions, cortex.
+const SHIPPED: [&str; 3] =
+    ["platynereis_nuclei.tif", "torchio_t1_seg_gif_PIR.nii.gz", "connectomics_32x32x40nm.nrrd"];
+
+/// The given volumes; if there are none, those of real light that the project ships.
+///
+/// # Errors
+/// When there are none beside the program either.
+pub(crate) fn volumes_or_those_of_real_light(volumes: &[PathBuf]) -> Result<Vec<PathBuf>> {
+    if !volumes.is_empty() {
+        return Ok(volumes.to_vec());
+    }
+    let cortex = shipped_volume()?;
+    let folder = cortex.parent().unwrap_or(Path::new(""));
+    Ok(SHIPPED.map(|name| folder.join(name)).to_vec())
 }
 
 /// Measures one scene, and its parts if they are asked for.

@@ -24,7 +24,7 @@ pub(crate) struct Render {
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
     /// Render a picture again from the scene and settings that its file carries; gives the same pixels
-    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "error", "bounces", "mode", "lod", "seed", "transparent", "half", "view_transform", "noise_threshold", "min_spp"], conflicts_with_all = NOT_AGAIN)]
+    #[arg(long, value_name = "PICTURE", conflicts_with_all = ["input", "size", "spp", "error", "bounces", "mode", "lod", "seed", "transparent", "half", "denoise", "view_transform", "noise_threshold", "min_spp"], conflicts_with_all = NOT_AGAIN)]
     pub(crate) again: Option<PathBuf>,
     /// With --again: a file to render from, in place of one that the picture names; once for each, first the volumes, then the meshes, then
     /// the picture of the sky
@@ -85,6 +85,13 @@ pub(crate) struct Render {
     /// Make the background transparent, instead of showing the sky or the backdrop
     #[arg(long)]
     pub(crate) transparent: bool,
+    /// Denoise the picture: smoother and biased, no longer the mean of its samples
+    ///
+    /// Averages pixels of one label that a statistical test cannot tell apart. An EXR keeps the picture before as the pass Noisy Image,
+    /// unless --passes none; a PNG has the denoised picture alone. Pictures and report say that they are denoised. It runs on the
+    /// processor, whatever backend renders
+    #[arg(long)]
+    pub(crate) denoise: bool,
     /// Write colours in an EXR as half floats (16 bits): half the size, 3 significant digits, values up to 65504
     ///
     /// Depth, position, label, Cryptomatte, variance and samples keep 32 bits

@@ -35,6 +35,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         out: args.out.clone(),
         backend: args.backend.clone(),
         stop,
+        denoise: args.denoise,
         passes: args.passes.clone(),
         overrides: RenderOverrides {
             size: args.size,
@@ -153,15 +154,17 @@ pub(crate) fn show_progress(bar: &Bar, stop: &Stop, point: &CurvePoint) {
 
 /// One line with the samples, the estimated error and the time of a picture.
 pub(crate) fn summary(figures: &RenderFigures) -> String {
+    let of = if figures.denoised.is_some() { " before denoising" } else { "" };
     let error = figures
         .error_estimate
-        .map_or("error not known".into(), |e| format!("estimated error {:.2} %", 100.0 * e));
+        .map_or("error not known".into(), |e| format!("estimated error {:.2} %{of}", 100.0 * e));
     let resting = match figures.mean_spp < f64::from(figures.spp) {
         true => format!(" ({:.1} on average)", figures.mean_spp),
         false => String::new(),
     };
+    let denoised = if figures.denoised.is_some() { ", denoised (biased)" } else { "" };
     format!(
-        "{} samples a pixel{resting}, {error}, {:.1} s ({:.1} CPU s)",
+        "{} samples a pixel{resting}, {error}{denoised}, {:.1} s ({:.1} CPU s)",
         figures.spp, figures.seconds, figures.cpu_seconds
     )
 }

@@ -6,8 +6,9 @@ use std::time::{Duration, Instant};
 
 use pumice_core::reserve::reserved;
 use pumice_core::{Job, NoMemory};
-use pumice_picture::preview::{Guides, filtered};
-use pumice_picture::{Image, film_memory};
+use pumice_picture::denoise::denoised;
+use pumice_picture::film::variance_known;
+use pumice_picture::{Guides, Image, film_memory};
 use pumice_scene::{Film, Passes};
 use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, Progress, Rebuilt, RenderError, Renderer};
@@ -33,6 +34,8 @@ pub(super) struct Worker {
     denoise: bool,
     /// Guides of the denoiser, for this revision and the current frame size.
     guides: Option<Guides>,
+    /// How long the last frame took to be denoised.
+    denoising: Duration,
     /// The revision that the renderer shows on its whole film.
     whole: Option<u64>,
 }
@@ -47,7 +50,7 @@ enum Turn {
 
 impl Worker {
     pub(super) fn new(shared: Arc<Shared>, renderer: FallbackRenderer, stop: Stop, denoise: bool) -> Self {
-        Self { shared, renderer, stop, denoise, guides: None, whole: None }
+        Self { shared, renderer, stop, denoise, guides: None, denoising: Duration::ZERO, whole: None }
     }
 
     /// Draws until it is stopped. A panic ends the worker and is reported in the status.
@@ -149,7 +152,8 @@ impl Worker {
             let slice = age.clamp(FIRST_SLICE, LONGEST_SLICE);
             let progress = self.renderer.advance(slice, self.stop.spp.unwrap_or(u32::MAX), job)?;
             let done = self.stop.is_met(&progress, clock.seconds());
-            if done || published_spp == 0 || last_published.elapsed() >= slice {
+            // Denoising a large film takes as long as a slice: samples get twice that time at least.
+            if done || published_spp == 0 || last_published.elapsed() >= slice.max(2 * self.denoising) {
                 let begun_anew = !self.publish(revision, progress, &clock, false, done)?;
                 if begun_anew {
                     published_spp = 0;
@@ -178,7 +182,7 @@ impl Worker {
         if self.guides.is_none() {
             self.guides = match self.renderer.picture() {
                 Err(RenderError::Restarted) => None,
-                picture => Guides::of(&picture?),
+                picture => Guides::of(&picture?)?,
             };
         }
         let variance = match self.renderer.variance() {
@@ -186,8 +190,13 @@ impl Worker {
             variance => variance?,
         };
         Ok(match &self.guides {
-            Some(guides) => (filtered(&image, variance.as_ref(), guides), guides.fit(&image)),
-            None => (image, false),
+            Some(guides) if guides.fit(&image) => {
+                let start = Instant::now();
+                let smooth = denoised(&image, variance.as_ref().map(variance_known), guides)?;
+                self.denoising = start.elapsed();
+                (smooth, true)
+            }
+            _ => (image, false),
         })
     }
 

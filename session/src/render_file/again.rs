@@ -55,13 +55,13 @@ pub(super) fn prepare_again(request: &RenderRequest, picture: &Path, job: &Job) 
         }
         named => named.to_owned(),
     };
-    let annotations = made.annotations;
+    let (annotations, denoise) = (made.annotations, made.denoised.is_some());
     let mut scene = made.scene;
     record(&mut scene, &request.reading);
     apply(&request.overrides, &mut scene, &volumes)?;
     scene.validate().map_err(|source| SessionError::Scene { path: picture.to_owned(), source })?;
     let stop = Stop { spp: Some(made.spp), seconds: request.stop.seconds, ..Stop::default() };
-    Ok(Prepared { opened: OpenedScene { scene, volumes, meshes }, stop, backend, annotations })
+    Ok(Prepared { opened: OpenedScene { scene, volumes, meshes }, stop, backend, annotations, denoise })
 }
 
 /// Gives the scene the caller's `sources` in place of the paths that the picture holds, if there are any.
@@ -132,6 +132,7 @@ mod tests {
             annotations: Default::default(),
             spp: 1,
             error_estimate: None,
+            denoised: None,
         }
     }
 

@@ -16,6 +16,7 @@ pub(super) struct Prepared {
     pub(super) stop: Stop,
     pub(super) backend: String,
     pub(super) annotations: Annotations,
+    pub(super) denoise: bool,
 }
 
 /// Opens the subject of a request as a scene with its volumes and meshes.
@@ -27,6 +28,7 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             stop: request.stop,
             backend: request.backend.clone(),
             annotations: request.annotations.clone(),
+            denoise: request.denoise,
         }),
     }
 }

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job};
-use pumice_picture::{Annotations, Picture, Provenance, film_memory};
+use pumice_picture::{Annotations, Denoiser, Picture, Provenance, film_memory};
 use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
@@ -49,8 +49,14 @@ pub struct RenderFigures {
     pub spp: u32,
     /// Mean over pixels of the samples that each has.
     pub mean_spp: f64,
-    /// Estimated relative error, where known.
+    /// Estimated relative error of the mean of the samples, where known.
     pub error_estimate: Option<f64>,
+    /// The filter that the picture went through, which makes it biased; absent where it is the mean of its samples.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub denoised: Option<Denoiser>,
+    /// Wall and CPU seconds of that filter.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub denoise_seconds: Option<[f64; 2]>,
     /// Error against run time.
     pub curve: Vec<CurvePoint>,
     /// Measured savings of what is left out, if they were requested.
@@ -90,6 +96,8 @@ impl Rendered {
             spp: made.map_or(0, |m| m.spp),
             mean_spp: mean.unwrap_or(f64::NAN),
             error_estimate: made.and_then(|m| m.error_estimate),
+            denoised: made.and_then(|m| m.denoised),
+            denoise_seconds: None,
             curve: Vec::new(),
             savings: None,
         };
@@ -204,6 +212,7 @@ pub(crate) fn report(
         sky_hash,
         spp: last.spp,
         error_estimate: last.error_estimate,
+        denoised: None,
         annotations: Annotations::default(),
     });
     Rendered {
@@ -223,6 +232,8 @@ pub(crate) fn report(
             spp: last.spp,
             mean_spp: last.mean_spp,
             error_estimate: last.error_estimate,
+            denoised: None,
+            denoise_seconds: None,
             curve,
             savings: None,
         },

@@ -60,6 +60,8 @@ pub struct RenderRequest {
     pub backend: String,
     /// Limits at which rendering stops.
     pub stop: Stop,
+    /// Whether the picture is [denoised](pumice_picture::denoise); an earlier picture is if it was.
+    pub denoise: bool,
     /// Names of passes, or `all` or `none`.
     pub passes: Vec<String>,
     /// Values that override the scene's.

@@ -42,7 +42,7 @@ pub fn render_turntable(
             SessionError::Caller("--turntable: expected a number of pictures, got none".into())
         })?;
     let files: Vec<PathBuf> = (0..count).map(|number| numbered(&request.out, number)).collect();
-    let Ready { format, passes, scene: first, stop, backend, annotations, opening_seconds } =
+    let Ready { format, passes, scene: first, stop, backend, annotations, denoise, opening_seconds } =
         Ready::new(request, &files, job)?;
     in_pool(request.threads, || {
         let renderer = PersistentRenderer::new(&backend)?;
@@ -60,6 +60,9 @@ pub fn render_turntable(
             })?;
             if number == 0 {
                 rendered.figures.opening_seconds = Some(opening_seconds);
+            }
+            if denoise {
+                rendered.denoise()?;
             }
             laid_out.apply(&mut rendered);
             format.write(&picture, &rendered.picture, &passes, request.paths)?;

@@ -50,13 +50,13 @@ pub enum LightScene {
 
 /// What all scenes have in common.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct Figure {
+pub(crate) struct Figure {
     /// Width and height in pixels.
-    pub(super) size: [u32; 2],
+    pub(crate) size: [u32; 2],
     /// Number of labels, the longest ones.
-    pub(super) pick: usize,
+    pub(crate) pick: usize,
     /// Bounces, as `settings.bounces` of a scene.
-    pub(super) bounces: u32,
+    pub(crate) bounces: u32,
 }
 
 /// Radiance of the sky where lamps light the scene.

@@ -1,0 +1,209 @@
+//! `pumice bench denoise`: the error of pictures in real light with and without a denoiser, against CPU seconds.
+//!
+//! ```text
+//! six scenes of real light ─┬─► reference: many samples, four seeds ─────────────────────────────┐
+//!                           └─► 1, 4, 16, 64 samples ─┬─► as they are ──────────────────────────┤
+//!                                                     ├─► Pumice's denoiser ────────────────────┼─► relMSE, FLIP ─► CSV, Markdown, SVG
+//!                                                     └─► Open Image Denoise, where it is there ┘
+//! ```
+//! All three see the same picture, Open Image Denoise with base colour and normal. The seconds are those of the samples and, where there is
+//! one, of the denoiser. The reference's own noise is subtracted from relMSE, not from FLIP, which knows no such part.
+
+mod oidn;
+mod tables;
+
+use std::path::{Path, PathBuf};
+use std::sync::Arc;
+
+use clap::{Args, ValueEnum};
+use pumice_core::{CompressedVolume, Job};
+use pumice_picture::denoise::denoised;
+use pumice_picture::film::variance_known;
+use pumice_picture::metrics::compare;
+use pumice_picture::{Guides, Image, Picture};
+use pumice_scene::Scene;
+use pumice_session::error::{Result, SessionError};
+use pumice_session::progressive::{Stop, render_until};
+use pumice_session::values::size;
+use pumice_session::{make_renderer, open_meshes};
+use pumice_transport::{LoadedScene, RenderError, Renderer};
+
+use crate::console::{BenchResult, Console, Outcome};
+use crate::convergence::real_light::{Figure, LightScene, each_scene, volumes_or_those_of_real_light};
+use crate::files::{rising, scratch};
+use crate::machine;
+use crate::mean_picture::MeanPicture;
+use crate::timing::{Took, clocked};
+use oidn::Oidn;
+
+/// Pictures that make up the reference, each with its own seed.
+const BATCHES: u32 = 4;
+/// Seed of the measured pictures, and the first one of the reference's.
+const SEED: u64 = 7;
+const REFERENCE_SEED: u64 = 1007;
+
+/// relMSE and FLIP against CPU seconds, as rendered and denoised, beside Open Image Denoise if --oidn names a Python with pyoidn
+///
+/// Renders six scenes in the light that artists use. Writes denoise.csv, denoise.md and an SVG for each scene.
+#[derive(Debug, Args)]
+pub(crate) struct Flags {
+    /// Label volumes; the shipped ones by default
+    #[arg(value_name = "FILE")]
+    volumes: Vec<PathBuf>,
+    /// Python interpreter that has the module pyoidn
+    #[arg(long, value_name = "PYTHON")]
+    oidn: Option<PathBuf>,
+    /// Only these scenes
+    #[arg(long, value_name = "NAME,…", value_enum, value_delimiter = ',')]
+    only: Option<Vec<LightScene>>,
+    /// Number of labels, the longest ones
+    #[arg(long, value_name = "N", default_value = "30", value_parser = clap::value_parser!(u32).range(1..))]
+    pick: u32,
+    /// Picture size in pixels
+    #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = size)]
+    size: [u32; 2],
+    /// Samples per pixel, in increasing order
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..))]
+    spp: Vec<u32>,
+    /// Samples per pixel of the reference
+    #[arg(long, value_name = "N", default_value = "4096", value_parser = clap::value_parser!(u32).range(8..))]
+    reference_spp: u32,
+    /// Bounces of light
+    #[arg(long, value_name = "N", default_value = "8")]
+    bounces: u32,
+    /// Folder for the results, created if missing
+    #[arg(long, value_name = "DIR", default_value = "pumice-denoise")]
+    out: PathBuf,
+}
+
+/// What a picture went through.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Through {
+    /// Nothing.
+    Nothing,
+    /// Pumice's denoiser.
+    Pumice,
+    /// Open Image Denoise.
+    Oidn,
+}
+
+impl Through {
+    /// Name in tables.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Nothing => "none",
+            Self::Pumice => "Pumice",
+            Self::Oidn => "Open Image Denoise",
+        }
+    }
+}
+
+/// The error of one picture.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct Denoised {
+    /// Name of the scene.
+    pub scene: &'static str,
+    /// Samples per pixel.
+    pub spp: u32,
+    /// What it went through.
+    pub through: Through,
+    /// CPU seconds of the samples.
+    pub render_cpu_seconds: f64,
+    /// CPU seconds of the denoiser.
+    pub denoise_cpu_seconds: f64,
+    /// relMSE against the reference, less the part of the reference's own noise.
+    pub rel_mse: f64,
+    /// FLIP against the reference.
+    pub flip: f64,
+}
+
+pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
+    rising(&flags.spp)?;
+    let volumes = volumes_or_those_of_real_light(&flags.volumes)?;
+    let scenes = flags.only.clone().unwrap_or_else(|| LightScene::value_variants().to_vec());
+    let figure = Figure { size: flags.size, pick: flags.pick as usize, bounces: flags.bounces };
+    // Asked before the work, not after it.
+    let oidn = flags.oidn.as_deref().map(Oidn::check).transpose()?;
+    let temporary = scratch()?;
+    let results = console.watch("", |watch| {
+        let mut results = Vec::new();
+        each_scene(&scenes, &volumes, figure, temporary.path(), job, &mut |name, scene, volume| {
+            watch(name);
+            results.extend(measured(flags, name, scene, volume, oidn.as_ref(), job)?);
+            Ok(())
+        })?;
+        Ok::<_, SessionError>(results)
+    })?;
+    let version = oidn.as_ref().map(|oidn| oidn.version.as_str());
+    tables::write(&flags.out, &machine::description(), version, flags.size, &results)?;
+    console.line(flags.out.join("denoise.md").display())?;
+    Ok(Outcome::Holds)
+}
+
+/// Measures one scene.
+fn measured(
+    flags: &Flags,
+    name: &'static str,
+    scene: &Scene,
+    volume: &Arc<CompressedVolume>,
+    oidn: Option<&Oidn>,
+    job: &Job,
+) -> Result<Vec<Denoised>> {
+    let mut renderer = make_renderer("cpu")?;
+    let mut drawn = |seed: u64, spp: u32| -> Result<(Picture, Took)> {
+        let mut scene = scene.clone();
+        scene.settings.seed = seed;
+        let meshes = open_meshes(&scene)?;
+        renderer.set_scene(&LoadedScene::new(scene, vec![Arc::clone(volume)], meshes)?)?;
+        let stop = Stop { spp: Some(spp), ..Stop::default() };
+        let (_, took) = clocked(|| Ok(render_until(&mut renderer, &stop, job, &mut |_| {})?))?;
+        Ok((renderer.picture()?, took))
+    };
+    let each = flags.reference_spp.div_ceil(BATCHES);
+    let batches: Vec<Image> = (0..u64::from(BATCHES))
+        .map(|batch| Ok(drawn(REFERENCE_SEED + batch, each)?.0.color))
+        .collect::<Result<_>>()?;
+    let reference = MeanPicture::of(&batches);
+    let (expected, own) = (reference.image(flags.size), reference.own_rel_mse());
+
+    let mut results = Vec::new();
+    for &spp in &flags.spp {
+        let (picture, took) = drawn(SEED, spp)?;
+        let mut judge = |through: Through, image: &Image, denoise_cpu_seconds: f64| -> Result<()> {
+            let found = compare(image, &expected, None, &|| job.is_cancelled())
+                .map_err(|e| SessionError::Caller(format!("{name}: {e}")))?;
+            results.push(Denoised {
+                scene: name,
+                spp,
+                through,
+                render_cpu_seconds: took.cpu_seconds,
+                denoise_cpu_seconds,
+                rel_mse: found.rel_mse - own,
+                flip: found.flip,
+            });
+            Ok(())
+        };
+        judge(Through::Nothing, &picture.color, 0.0)?;
+        let (ours, took) = clocked(|| filtered(name, &picture))?;
+        judge(Through::Pumice, &ours, took.cpu_seconds)?;
+        if let Some(oidn) = oidn {
+            let (theirs, cpu_seconds) = oidn.denoise(&picture)?;
+            judge(Through::Oidn, &theirs, cpu_seconds)?;
+        }
+    }
+    Ok(results)
+}
+
+/// The picture through Pumice's denoiser.
+fn filtered(name: &str, picture: &Picture) -> Result<Image> {
+    let guides = Guides::of(picture).map_err(RenderError::from)?;
+    let guides =
+        guides.ok_or_else(|| SessionError::Caller(format!("{name}: expected first surfaces, got none")))?;
+    let variance = picture.variance.as_ref().map(variance_known);
+    Ok(denoised(&picture.color, variance, &guides).map_err(RenderError::from)?)
+}
+
+/// The refusal of what `--oidn` names.
+fn wrong(program: &Path, what: impl std::fmt::Display) -> SessionError {
+    SessionError::Caller(format!("--oidn {}: {what}", program.display()))
+}

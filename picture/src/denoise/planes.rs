@@ -1,0 +1,75 @@
+//! Numbers of all pixels, one plane for each number, with room around the rows so that a window never leaves them.
+//!
+//! ```text
+//! a row:  RADIUS zeroes │ width values │ zeroes up to a multiple of LANES, and RADIUS more
+//! ```
+//! The filter takes LANES pixels beside each other at a time, of each plane one load at any offset, and compilers make vector instructions of
+//! loops over them. What lies in the room around takes no part: it is 0 there as well.
+
+use bytemuck::Zeroable;
+use pumice_core::NoMemory;
+use pumice_core::reserve::zeroed;
+use rayon::prelude::*;
+
+use super::RADIUS;
+
+/// Pixels that are filtered together.
+pub(super) const LANES: usize = 8;
+
+/// A number of each of [`LANES`] pixels.
+pub(super) type Lanes<T = f32> = [T; LANES];
+
+/// Three numbers of each pixel.
+pub(super) type Triple = [Vec<f32>; 3];
+
+/// Where pixels lie in a plane.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct Layout {
+    pub(super) width: usize,
+    pub(super) height: usize,
+}
+
+impl Layout {
+    /// Values from one row to the next.
+    pub(super) fn stride(self) -> usize {
+        self.width.next_multiple_of(LANES) + 2 * RADIUS
+    }
+
+    /// A plane with a value for each pixel, by its number from the upper left.
+    ///
+    /// # Errors
+    /// [`NoMemory`] where there is none.
+    pub(super) fn plane<T: Zeroable + Send>(
+        self,
+        of: impl Fn(usize) -> T + Sync,
+    ) -> Result<Vec<T>, NoMemory> {
+        let mut plane = zeroed(self.stride().saturating_mul(self.height), "denoiser: what it compares")?;
+        plane.par_chunks_mut(self.stride()).enumerate().for_each(|(y, row)| {
+            let pixels = &mut row[RADIUS..][..self.width];
+            pixels.iter_mut().enumerate().for_each(|(x, value)| *value = of(y * self.width + x));
+        });
+        Ok(plane)
+    }
+
+    /// Three such planes.
+    ///
+    /// # Errors
+    /// As [`Layout::plane`].
+    pub(super) fn triple(self, of: impl Fn(usize, usize) -> f32 + Sync) -> Result<Triple, NoMemory> {
+        Ok([self.plane(|i| of(i, 0))?, self.plane(|i| of(i, 1))?, self.plane(|i| of(i, 2))?])
+    }
+}
+
+/// The values from a place on.
+#[inline(always)]
+pub(super) fn lanes<T: Copy + Zeroable>(plane: &[T], at: usize) -> Lanes<T> {
+    let mut values = [T::zeroed(); LANES];
+    values.copy_from_slice(&plane[at..at + LANES]);
+    values
+}
+
+/// The values of three planes from a place on.
+#[inline(always)]
+pub(super) fn three_lanes(planes: &Triple, at: usize) -> [Lanes; 3] {
+    [lanes(&planes[0], at), lanes(&planes[1], at), lanes(&planes[2], at)]
+}

@@ -1,0 +1,394 @@
+//! Tests of the filter on pictures whose noise is drawn here, so that mean and variance are known.
+
+use super::*;
+use crate::picture::Picture;
+
+const SIDE: usize = 40;
+const PIXELS: usize = SIDE * SIDE;
+/// Pictures that make up a mean, as the film has classes.
+const CLASSES: usize = 4;
+
+/// What a picture shows, without noise: surface, light and its standard deviation in one class, by the pixel's place.
+struct Truth<'a> {
+    label: &'a dyn Fn(usize, usize) -> u32,
+    light: &'a dyn Fn(usize, usize) -> f32,
+    deviation: f32,
+}
+
+impl Truth<'_> {
+    /// The picture of first surfaces.
+    fn surfaces(&self) -> Picture {
+        let label = (0..PIXELS).map(|i| (self.label)(i % SIDE, i / SIDE)).collect::<Vec<_>>();
+        Picture {
+            depth: Some(vec![1.0; PIXELS]),
+            label: Some(label),
+            normal: Some(Image::new(SIDE, SIDE, vec![[0.0, 0.0, 1.0]; PIXELS])),
+            albedo: Some(Image::new(SIDE, SIDE, vec![[0.5, 0.25, 0.75]; PIXELS])),
+            ..Picture::of(Image::new(SIDE, SIDE, vec![[0.0; 3]; PIXELS]))
+        }
+    }
+
+    fn guides(&self) -> Guides {
+        Guides::of(&self.surfaces()).unwrap().unwrap()
+    }
+
+    /// The mean of noisy pictures, and the variance that their spread tells.
+    fn drawn(&self, seed: u64) -> (Image, Image) {
+        let mut random = Random(seed);
+        let (mut mean, mut variance) = (Vec::new(), Vec::new());
+        for i in 0..PIXELS {
+            let light = (self.light)(i % SIDE, i / SIDE);
+            let of = |random: &mut Random| {
+                let all: [f32; CLASSES] =
+                    std::array::from_fn(|_| light + self.deviation * random.normal());
+                let n = CLASSES as f32;
+                let mean = all.iter().sum::<f32>() / n;
+                let squares: f32 = all.iter().map(|v| (v - mean) * (v - mean)).sum();
+                (mean, squares / (n * (n - 1.0)))
+            };
+            let channels = [of(&mut random), of(&mut random), of(&mut random)];
+            mean.push(channels.map(|c| c.0));
+            variance.push(channels.map(|c| c.1));
+        }
+        (Image::new(SIDE, SIDE, mean), Image::new(SIDE, SIDE, variance))
+    }
+}
+
+/// SplitMix64, and normal numbers by Box and Muller.
+struct Random(u64);
+
+impl Random {
+    fn uniform(&mut self) -> f32 {
+        self.0 = self.0.wrapping_add(0x9E37_79B9_7F4A_7C15);
+        let mut x = self.0;
+        x = (x ^ (x >> 30)).wrapping_mul(0xBF58_476D_1CE4_E5B9);
+        x = (x ^ (x >> 27)).wrapping_mul(0x94D0_49BB_1331_11EB);
+        (((x ^ (x >> 31)) >> 40) as f32 + 0.5) / 16_777_216.0
+    }
+
+    fn normal(&mut self) -> f32 {
+        let (a, b) = (self.uniform(), self.uniform());
+        (-2.0 * a.ln()).sqrt() * (std::f32::consts::TAU * b).cos()
+    }
+}
+
+fn filtered((mean, variance): &(Image, Image), guides: &Guides) -> Image {
+    let known = Variance { of_mean: variance, degrees_of_freedom: (CLASSES - 1) as f64 };
+    denoised(mean, Some(known), guides).unwrap()
+}
+
+/// Without what the test needs to know it accepts everything.
+fn untested((mean, _): &(Image, Image), guides: &Guides) -> Image {
+    denoised(mean, None, guides).unwrap()
+}
+
+/// Mean square difference from the truth, over the pixels that `count`.
+fn error(image: &Image, truth: &Truth<'_>, count: impl Fn(usize, usize) -> bool) -> f64 {
+    let places = (0..PIXELS).map(|i| (i % SIDE, i / SIDE)).filter(|&(x, y)| count(x, y));
+    let (mut sum, mut n) = (0.0, 0.0);
+    for (x, y) in places {
+        for value in image.pixels[y * SIDE + x] {
+            sum += f64::from(value - (truth.light)(x, y)).powi(2);
+            n += 1.0;
+        }
+    }
+    sum / n
+}
+
+fn inside(x: usize, y: usize) -> bool {
+    let far = |v: usize| (RADIUS..SIDE - RADIUS).contains(&v);
+    far(x) && far(y)
+}
+
+#[test]
+fn variance_of_a_constant_falls_by_the_number_of_pixels_in_the_window() {
+    let truth = Truth { label: &|_, _| 1, light: &|_, _| 2.0, deviation: 0.4 };
+    let guides = truth.guides();
+    let window = ((2 * RADIUS + 1) * (2 * RADIUS + 1)) as f64;
+    let (mut tested, mut all) = (0.0, 0.0);
+    let pictures = 8;
+    for seed in 0..pictures {
+        let picture = truth.drawn(seed);
+        let share = |image: &Image| error(image, &truth, inside) / f64::from(pictures as u32);
+        tested += share(&filtered(&picture, &guides));
+        all += share(&untested(&picture, &guides));
+    }
+    let noise = 0.4f64.powi(2) / CLASSES as f64;
+    // 8 pictures of 1296 pixels and 3 channels hold 24 · 1296 / 25 = 1244 independent windows: their mean square has a standard error of
+    // √(2/1244) = 4 %, and five of them are allowed.
+    assert!((all / (noise / window) - 1.0).abs() < 0.2, "{all} of {}", noise / window);
+    // The test leaves out pixels in 1 of 100 channels, those furthest off, and noisier neighbours count less.
+    let ratio = tested / (noise / window);
+    assert!((0.8..1.6).contains(&ratio), "{ratio}");
+}
+
+#[test]
+fn a_step_between_two_labels_stays_exact() {
+    let truth = Truth {
+        label: &|x, _| if x < SIDE / 2 { 7 } else { 9 },
+        light: &|x, _| if x < SIDE / 2 { 0.25 } else { 4.0 },
+        deviation: 0.0,
+    };
+    let (mean, variance) = truth.drawn(1);
+    let guides = truth.guides();
+    assert_eq!(untested(&(mean.clone(), variance), &guides), mean, "each label has one light");
+    // The control: as one label, the step is blurred.
+    let one = Truth { label: &|_, _| 7, ..truth };
+    assert_ne!(denoised(&mean, None, &one.guides()).unwrap(), mean);
+}
+
+#[test]
+fn instances_of_one_volume_are_kept_apart_though_their_labels_are_equal() {
+    let truth = Truth { label: &|_, _| 3, light: &|x, _| if x < 20 { 1.0 } else { 2.0 }, deviation: 0.0 };
+    let (mean, _) = truth.drawn(1);
+    assert_ne!(denoised(&mean, None, &truth.guides()).unwrap(), mean);
+    let instance = Some((0..PIXELS).map(|i| u32::from(i % SIDE < 20)).collect());
+    let guides = Guides::of(&Picture { instance, ..truth.surfaces() }).unwrap().unwrap();
+    assert_eq!(denoised(&mean, None, &guides).unwrap(), mean);
+}
+
+/// A shadow's edge, which no surface tells. Its two sides are 30 standard errors apart: of t with 3 degrees of freedom, on which the edge of
+/// acceptance is 5.8, one pair in 60 is still accepted where both variances came out small.
+#[test]
+fn means_that_really_differ_are_not_mixed() {
+    let truth = Truth { label: &|_, _| 1, light: &|x, _| if x < 20 { 1.0 } else { 4.0 }, deviation: 0.2 };
+    let at_edge = |x: usize, y: usize| (17..23).contains(&x) && inside(x, y);
+    let (guides, picture) = (truth.guides(), truth.drawn(5));
+    let noise = error(&picture.0, &truth, at_edge);
+    let tested = error(&filtered(&picture, &guides), &truth, at_edge);
+    assert!(tested < 0.3 * noise, "{tested} of {noise}");
+    // The control: without the test, pixels beside the edge take a third of their light from the other side.
+    let untested = error(&untested(&picture, &guides), &truth, at_edge);
+    assert!(untested > 30.0 * noise, "{untested} of {noise}");
+}
+
+/// One sample of four found a highlight: mean and standard error are 25, so the test accepts that it equals the dark pixels around. They get a
+/// weight of it of about 2 · 1e-4 / 625 each.
+#[test]
+fn a_noisy_highlight_stays_out_of_the_quiet_pixels_around_it() {
+    let truth = Truth { label: &|_, _| 1, light: &|_, _| 0.1, deviation: 0.02 };
+    let (mut mean, mut variance) = truth.drawn(4);
+    let middle = SIDE / 2 * SIDE + SIDE / 2;
+    mean.pixels[middle] = [25.0; 3];
+    variance.pixels[middle] = [625.0; 3];
+    let picture = (mean, variance);
+    let around = |x: usize, y: usize| {
+        let near = |v: usize| v.abs_diff(SIDE / 2) <= RADIUS && v.abs_diff(SIDE / 2) > 1;
+        near(x) && near(y)
+    };
+    let after = filtered(&picture, &truth.guides());
+    assert!(error(&after, &truth, around) < 1e-4, "{}", error(&after, &truth, around));
+    assert!(after.pixels[middle][0] < 2.0, "the highlight itself becomes the mean of its window");
+    // The control: where nothing is known of noise, each of them gets a 25th of it.
+    let blind = untested(&picture, &truth.guides());
+    assert!(error(&blind, &truth, around) > 0.2);
+}
+
+/// All samples of one pixel missed the light, so it seems to be exactly black. The pixels around it tell that it is not.
+#[test]
+fn a_pixel_that_seems_exact_has_the_variance_of_its_surroundings() {
+    let truth = Truth { label: &|_, _| 1, light: &|_, _| 1.0, deviation: 1.0 };
+    let (mut mean, mut variance) = truth.drawn(4);
+    let middle = SIDE / 2 * SIDE + SIDE / 2;
+    mean.pixels[middle] = [0.0; 3];
+    variance.pixels[middle] = [0.0; 3];
+    let after = filtered(&(mean.clone(), variance.clone()), &truth.guides());
+    assert!(after.pixels[middle].iter().all(|c| (0.5..1.5).contains(c)), "{:?}", after.pixels[middle]);
+    // The control: of a label of its own, it stays as it is.
+    let alone = Truth { label: &|x, y| if (x, y) == (SIDE / 2, SIDE / 2) { 2 } else { 1 }, ..truth };
+    assert_eq!(filtered(&(mean, variance), &alone.guides()).pixels[middle], [0.0; 3]);
+}
+
+#[test]
+fn a_picture_without_noise_is_unchanged_to_the_bit() {
+    let light = |x: usize, y: usize| 0.1 + ((x * 7 + y * 13) % 11) as f32 / 3.0;
+    let truth = Truth { label: &|_, _| 1, light: &light, deviation: 0.0 };
+    let (mean, _) = truth.drawn(1);
+    let exact = Image::new(SIDE, SIDE, vec![[0.0; 3]; PIXELS]);
+    assert_eq!(filtered(&(mean.clone(), exact), &truth.guides()), mean);
+    // The control: with noise that explains the differences, it is changed.
+    let loose = Image::new(SIDE, SIDE, vec![[100.0; 3]; PIXELS]);
+    assert_ne!(filtered(&(mean.clone(), loose), &truth.guides()), mean);
+}
+
+/// Light that rises across the picture, as on a curved surface: the test cannot tell neighbours apart until there are samples enough.
+#[test]
+fn bias_vanishes_as_samples_are_added() {
+    let ramp = |x: usize, y: usize| 1.0 + 0.02 * ((x * x) as f32 + y as f32) / SIDE as f32;
+    let mut last = f64::INFINITY;
+    let mut biases = Vec::new();
+    for samples in [1.0f32, 64.0, 4096.0, 262_144.0] {
+        let truth = Truth { label: &|_, _| 1, light: &ramp, deviation: 0.5 / samples.sqrt() };
+        let guides = truth.guides();
+        // The mean of many pictures is biased as one is, and less noisy.
+        let mut sum = vec![0.0f64; PIXELS];
+        let pictures = 16;
+        for seed in 0..pictures {
+            let (mean, variance) = truth.drawn(seed);
+            let smooth = filtered(&(mean.clone(), variance), &guides);
+            let difference = smooth.pixels.iter().zip(&mean.pixels).map(|(a, b)| f64::from(a[0] - b[0]));
+            sum.iter_mut().zip(difference).for_each(|(sum, d)| *sum += d / pictures as f64);
+        }
+        let bias = (sum.iter().map(|d| d * d).sum::<f64>() / PIXELS as f64).sqrt();
+        assert!(bias < last, "{samples}: {bias} after {last}");
+        last = bias;
+        biases.push(bias);
+    }
+    // With the most samples the filtered picture is the unfiltered one, but for a hundredth of the first difference.
+    assert!(biases[3] < 0.01 * biases[0], "{biases:?}");
+}
+
+#[test]
+fn the_result_does_not_depend_on_the_number_of_threads() {
+    let truth =
+        Truth { label: &|x, y| 1 + (x / 5 + y / 7) as u32, light: &|_, y| 1.0 + y as f32, deviation: 0.5 };
+    let (guides, picture) = (truth.guides(), truth.drawn(3));
+    let with = |threads: usize| {
+        let pool = rayon::ThreadPoolBuilder::new().num_threads(threads).build().unwrap();
+        pool.install(|| filtered(&picture, &guides))
+    };
+    assert_eq!(with(1), with(5));
+}
+
+#[test]
+fn background_and_what_is_no_number_stay_and_harm_no_neighbour() {
+    let truth = Truth { label: &|_, _| 1, light: &|_, _| 1.0, deviation: 0.3 };
+    let (mut mean, mut variance) = truth.drawn(2);
+    let mut surfaces = truth.surfaces();
+    for (place, odd) in
+        [(0, f32::NAN), (57, f32::INFINITY), (300, -f32::INFINITY), (555, f32::MAX), (900, 1e30)]
+    {
+        mean.pixels[place] = [odd, 1.0, odd];
+    }
+    for (place, odd) in [(1, f32::NAN), (58, f32::INFINITY), (301, -1.0), (556, f32::MAX), (901, 0.0)] {
+        variance.pixels[place] = [odd; 3];
+    }
+    // Nothing is seen there, or what is seen is no number.
+    for (place, odd) in [(700, f32::INFINITY), (701, f32::NAN)] {
+        surfaces.depth.as_mut().unwrap()[place] = odd;
+    }
+    surfaces.normal.as_mut().unwrap().pixels[702] = [0.0, f32::NAN, 0.0];
+    surfaces.albedo.as_mut().unwrap().pixels[703] = [f32::INFINITY, 0.5, 0.5];
+    surfaces.albedo.as_mut().unwrap().pixels[704] = [0.5, -0.01, 0.5];
+    let guides = Guides::of(&surfaces).unwrap().unwrap();
+    let before = mean.clone();
+    let after = filtered(&(mean, variance), &guides);
+    for (i, (a, b)) in before.pixels.iter().zip(&after.pixels).enumerate() {
+        if [0, 57, 300, 555, 700, 701, 702, 703, 704, 900].contains(&i) {
+            assert_eq!(a.map(f32::to_bits), b.map(f32::to_bits), "{i}");
+        } else {
+            assert!(b.iter().all(|c| (0.0..3.0).contains(c)), "{i}: {b:?}");
+        }
+    }
+}
+
+#[test]
+fn pictures_of_any_size_are_filtered() {
+    for (width, height) in [(1, 1), (1, 9), (9, 1), (2, 3), (RADIUS, RADIUS), (33, 2)] {
+        let image = |value: f32| Image::new(width, height, vec![[value; 3]; width * height]);
+        let picture = Picture {
+            depth: Some(vec![1.0; width * height]),
+            label: Some(vec![1; width * height]),
+            normal: Some(image(0.5)),
+            albedo: Some(image(0.5)),
+            ..Picture::of(image(1.5))
+        };
+        let guides = Guides::of(&picture).unwrap().unwrap();
+        assert_eq!(denoised(&picture.color, None, &guides).unwrap(), picture.color, "{width} × {height}");
+        let variance = image(f32::INFINITY);
+        let unknown = Variance { of_mean: &variance, degrees_of_freedom: 3.0 };
+        assert_eq!(denoised(&picture.color, Some(unknown), &guides).unwrap(), picture.color);
+    }
+}
+
+#[test]
+fn what_does_not_fit_is_left_as_it_is() {
+    let truth = Truth { label: &|_, _| 1, light: &|_, _| 1.0, deviation: 0.3 };
+    let (mean, _) = truth.drawn(2);
+    let other = Image::new(2, 2, vec![[1.0; 3]; 4]);
+    assert_eq!(denoised(&other, None, &truth.guides()).unwrap(), other);
+    let known = Variance { of_mean: &other, degrees_of_freedom: 3.0 };
+    assert_eq!(denoised(&mean, Some(known), &truth.guides()).unwrap(), mean);
+    assert!(Guides::of(&Picture::of(mean)).unwrap().is_none());
+}
+
+/// Opposite faces have nothing in common, and faces at a right angle a sixteenth of what others have.
+#[test]
+fn faces_are_told_apart_by_their_normals() {
+    let image = Image::new(3, 1, vec![[0.0; 3], [1.0; 3], [0.0; 3]]);
+    let middle = |normal: [f32; 3]| {
+        let picture = Picture {
+            depth: Some(vec![1.0; 3]),
+            label: Some(vec![1; 3]),
+            normal: Some(Image::new(3, 1, vec![normal, [0.0, 0.0, 1.0], normal])),
+            albedo: Some(Image::new(3, 1, vec![[0.5; 3]; 3])),
+            ..Picture::of(image.clone())
+        };
+        denoised(&image, None, &Guides::of(&picture).unwrap().unwrap()).unwrap().pixels[1][0]
+    };
+    // The pixel itself counts 1, each of its two neighbours w: 1 / (1 + 2w).
+    for (normal, weight) in [([0.0, 0.0, 1.0], 1.0), ([1.0, 0.0, 0.0], 1.0 / 16.0), ([0.0, 0.0, -1.0], 0.0)] {
+        assert!((middle(normal) - 1.0 / (1.0 + 2.0 * weight)).abs() < 1e-6, "{normal:?}: {}", middle(normal));
+    }
+}
+
+#[test]
+fn base_colors_that_differ_visibly_are_not_mixed() {
+    let truth = Truth { label: &|_, _| 1, light: &|x, _| if x < 20 { 1.0 } else { 2.0 }, deviation: 0.0 };
+    let (mean, _) = truth.drawn(1);
+    let painted = |right: f32| {
+        let pixel = |i: usize| [if i % SIDE < 20 { 0.4 } else { right }; 3];
+        let albedo = Some(Image::new(SIDE, SIDE, (0..PIXELS).map(pixel).collect()));
+        Guides::of(&Picture { albedo, ..truth.surfaces() }).unwrap().unwrap()
+    };
+    assert_eq!(denoised(&mean, None, &painted(0.5)).unwrap(), mean);
+    assert_ne!(denoised(&mean, None, &painted(0.4)).unwrap(), mean);
+}
+
+/// The same light on two surfaces, one of a tenth of the other's base colour: 0.01 is added to both.
+#[test]
+fn what_is_filtered_of_light_does_not_depend_on_the_base_color_under_it() {
+    let truth = Truth { label: &|_, _| 1, light: &|x, _| if x < 20 { 1.0 } else { 2.0 }, deviation: 0.4 };
+    let (mean, variance) = truth.drawn(6);
+    let of = |albedo: f32, scale: f32| {
+        let albedo = Some(Image::new(SIDE, SIDE, vec![[albedo; 3]; PIXELS]));
+        let guides = Guides::of(&Picture { albedo, ..truth.surfaces() }).unwrap().unwrap();
+        filtered(
+            &(mean.map(|p| p.map(|v| v * scale)), variance.map(|p| p.map(|v| v * scale * scale))),
+            &guides,
+        )
+    };
+    for (bright, dark) in of(0.99, 1.0).pixels.iter().flatten().zip(of(0.09, 0.1).pixels.iter().flatten()) {
+        assert!((bright - 10.0 * dark).abs() < 1e-4, "{bright} {dark}");
+    }
+}
+
+/// Exact light on one label beside noise on another: the noise says nothing of the exact light.
+#[test]
+fn variance_is_pooled_within_a_label() {
+    let light = |x: usize, y: usize| if x < 20 { 1.0 + (y % 2) as f32 } else { 5.0 };
+    let truth = Truth { label: &|x, _| if x < 20 { 1 } else { 2 }, light: &light, deviation: 0.0 };
+    let (mean, mut variance) = truth.drawn(1);
+    for (i, pixel) in variance.pixels.iter_mut().enumerate().filter(|(i, _)| i % SIDE >= 20) {
+        *pixel = [1.0 + i as f32; 3];
+    }
+    assert_eq!(filtered(&(mean.clone(), variance), &truth.guides()), mean);
+}
+
+/// On a border that each pixel mixes with black in a share of its own, the same light falls on all of it.
+#[test]
+fn light_is_carried_over_between_pixels_that_an_edge_mixes_differently() {
+    let share = |i: usize| 0.9 + 0.02 * ((i * 31) % 5) as f32;
+    let mixed = |i: usize| [0.5, 0.25, 0.75].map(|own| own * share(i));
+    let albedo = Some(Image::new(SIDE, SIDE, (0..PIXELS).map(mixed).collect()));
+    let surfaces = Truth { label: &|_, _| 1, light: &|_, _| 1.0, deviation: 0.0 }.surfaces();
+    let guides = Guides::of(&Picture { albedo, ..surfaces }).unwrap().unwrap();
+    // 0.01 is added to base colours, so light is what is left exactly.
+    let pixel = |i: usize| mixed(i).map(|albedo| 3.0 * divisor(albedo));
+    let image = Image::new(SIDE, SIDE, (0..PIXELS).map(pixel).collect());
+    let after = denoised(&image, None, &guides).unwrap();
+    for (a, b) in image.pixels.iter().zip(&after.pixels) {
+        // Rounding of a quotient and a product in single precision.
+        assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5), "{a:?} {b:?}");
+    }
+}

@@ -1,0 +1,40 @@
+"""Tests `pumice bench denoise` on a small volume: a row for each picture, less error after denoising, and what it refuses."""
+
+import csv
+
+import pytest
+from command import run
+
+TINY = ["--pick", 6, "--size", "48x32", "--bounces", 2, "--reference-spp", 256]
+
+
+@pytest.fixture(scope="module")
+def measured(pumice, data, tmp_path_factory):
+    out = tmp_path_factory.mktemp("denoise") / "made" / "here"
+    flags = ["--only", "sky-floor", "--spp", "1,8", "--out", out]
+    said = run(pumice, "bench", "denoise", data / "slicer_Segmentation.seg.nrrd", *TINY, *flags).fine()
+    assert str(out / "denoise.md") in said
+    return out
+
+
+def test_each_picture_has_a_row_with_and_without_the_denoiser(measured):
+    with (measured / "denoise.csv").open() as file:
+        rows = list(csv.DictReader(file))
+    assert [(r["scene"], r["samples"], r["denoiser"]) for r in rows] == [
+        ("sky-floor", spp, name) for spp in ("1", "8") for name in ("none", "Pumice")
+    ]
+    for raw, smooth in zip(rows[::2], rows[1::2], strict=True):
+        assert float(smooth["relMSE"]) < 0.7 * float(raw["relMSE"]), (raw, smooth)
+        assert float(smooth["CPU s"]) >= float(raw["CPU s"]) and raw["of which denoising"] == "0.000"
+    assert "## sky-floor\n" in (measured / "denoise.md").read_text()
+    assert (measured / "denoise_sky-floor.svg").read_text().startswith("<svg")
+
+
+def test_what_cannot_denoise_is_refused_before_anything_is_rendered(pumice, data, tmp_path):
+    volume = data / "slicer_Segmentation.seg.nrrd"
+    line = run(pumice, "bench", "denoise", volume, "--oidn", tmp_path / "python", "--out", tmp_path / "out").refused()
+    assert "--oidn" in line and "No such file" in line
+    line = run(pumice, "bench", "denoise", volume, "--oidn", "false", "--out", tmp_path / "out").refused()
+    assert "expected a Python with the module pyoidn" in line
+    assert "increasing" in run(pumice, "bench", "denoise", volume, "--spp", "4,1", "--out", tmp_path / "out").refused()
+    assert not (tmp_path / "out").exists()
