@@ -10,6 +10,24 @@ use super::each_axis;
 /// Bounds and index of each box of a visible label, in the volume's order. `tight` bounds enclose the box's voxels only.
 pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -> Vec<(BoxBounds, u32)> {
     let mut boxes = Vec::with_capacity(count_visible(volume, visible) as usize);
+    for_each_visible_box(volume, visible, tight, |bounds, item| boxes.push((bounds, item)));
+    boxes
+}
+
+/// Indices of the boxes of visible labels, rising.
+pub fn visible_items(volume: &CompressedVolume, visible: &[bool]) -> Vec<u32> {
+    let mut items = Vec::with_capacity(count_visible(volume, visible) as usize);
+    items.extend(visible_ranges(volume, visible).flatten().map(|item| item as u32));
+    items
+}
+
+/// Calls `visit` with what [`visible_boxes`] lists.
+pub fn for_each_visible_box(
+    volume: &CompressedVolume,
+    visible: &[bool],
+    tight: bool,
+    mut visit: impl FnMut(BoxBounds, u32),
+) {
     for i in visible_ranges(volume, visible).flatten() {
         let place = volume.place_of_box(i as usize);
         let bounds = if tight {
@@ -19,9 +37,8 @@ pub fn visible_boxes(volume: &CompressedVolume, visible: &[bool], tight: bool) -
             let hi = clipped_end(place.origin, place.extent, volume.info().dims);
             BoxBounds { lo: place.origin, hi }
         };
-        boxes.push((bounds, i as u32));
+        visit(bounds, i as u32);
     }
-    boxes
 }
 
 /// Number of boxes of visible labels.
