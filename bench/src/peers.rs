@@ -19,7 +19,7 @@ use pumice_core::{
 };
 use pumice_formats::OpenOptions;
 use pumice_session::error::{Result, SessionError, io};
-use pumice_session::file_info::acceleration_bytes;
+use pumice_session::file_info::tracing_bytes;
 use pumice_session::measure::Stopwatch;
 use pumice_session::npy::write_npy;
 use pumice_session::script::run_script;
@@ -345,10 +345,7 @@ fn pumice(
         decompress: decoding,
         voxel_cpu_seconds: reading.cpu_seconds / voxels.len() as f64,
         one_voxel: format!("from its box, by an index of {} bytes more", volume.grid().bytes()),
-        traversable: format!(
-            "yes, with a hierarchy over its boxes of {} bytes more",
-            acceleration_bytes(&volume)?
-        ),
+        traversable: format!("yes, with bricks of {} bytes more", tracing_bytes(&volume)?),
     });
     Ok(programs)
 }

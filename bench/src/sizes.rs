@@ -42,7 +42,7 @@ pub struct Sizes {
     pub labels: u64,
     /// Number of boxes.
     pub boxes: u64,
-    /// Bytes in memory by part, with the hierarchy over all boxes.
+    /// Bytes in memory by part, with what rays need of all labels.
     pub resident_parts: BTreeMap<String, u64>,
     /// Bytes of the file at the levels fast, default and small.
     pub bytes_disk: [u64; 3],
@@ -97,7 +97,7 @@ impl Row for Sizes {
     fn cells(&self) -> Vec<(&'static str, String)> {
         let share = |bytes: u64| format!("{bytes} ({:.3} %)", 100.0 * bytes as f64 / self.bytes_raw as f64);
         let part = |name: &str| self.resident_parts.get(name).copied().unwrap_or(0);
-        let acceleration = part("acceleration");
+        let (bricks, acceleration) = (part("bricks"), part("acceleration"));
         let all: u64 = self.resident_parts.values().sum();
         let [fast, default, small] = self.bytes_disk;
         vec![
@@ -109,7 +109,8 @@ impl Row for Sizes {
             ("node bytes", share(part("nodes"))),
             ("leaf bytes", share(part("leaves"))),
             ("label bytes", share(part("labels"))),
-            ("together", share(all - acceleration)),
+            ("together", share(all - bricks - acceleration)),
+            ("brick bytes", share(bricks)),
             ("acceleration bytes", share(acceleration)),
             ("disk, fast", share(fast)),
             ("disk, default", share(default)),

@@ -164,11 +164,10 @@ pub(crate) fn run(options: &DemoOptions, job: &Job, watch: &mut dyn FnMut(DemoSt
         "| **in memory, whole form** | **{bytes_resident}** | **{:.3}** |",
         percent(bytes_resident)
     ));
-    line(format!(
-        "| acceleration structure of the labels shown | {} | {:.3} |",
-        figures.acceleration_bytes,
-        percent(figures.acceleration_bytes)
-    ));
+    for (what, part) in [("bricks", "bricks"), ("acceleration structure", "acceleration")] {
+        let bytes = figures.bytes.get(part).copied().unwrap_or(0);
+        line(format!("| {what} of the labels shown | {bytes} | {:.3} |", percent(bytes)));
+    }
     line(format!("| on disk (`volume.pumice`) | {bytes_disk} | {:.3} |", percent(bytes_disk)));
     line("\nEvery voxel and every id was compared with the file: no difference.\n".into());
     line("## Time\n\n| step | seconds | CPU seconds |\n|---|---:|---:|".into());

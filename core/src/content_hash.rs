@@ -11,6 +11,12 @@ use std::path::Path;
 use xxhash_rust::xxh3::Xxh3;
 
 use crate::CompressedVolume;
+use crate::leaves::Class;
+
+/// Bytes of boxes that are hashed at once.
+const PIECE: usize = 1 << 14;
+/// Bytes of a box: seven numbers, two masks and a field for each of 64 cells.
+const MOST_BYTES_OF_BOX: usize = 7 * 4 + 2 * 8 + 64 * 8;
 
 impl CompressedVolume {
     /// Content hash of the volume, defined in the module [`crate::content_hash`] and computed once. For a volume loaded with chosen labels
@@ -28,17 +34,28 @@ impl CompressedVolume {
         for id in self.labels.ids() {
             hash.update(&id.to_le_bytes());
         }
+        // Hashing is fastest in large pieces.
+        let mut bytes = Vec::with_capacity(PIECE + MOST_BYTES_OF_BOX);
         self.for_each_box(|label, b| {
             for v in b.origin.iter().chain(&b.extent).chain([&label]) {
-                hash.update(&v.to_le_bytes());
+                bytes.extend(v.to_le_bytes());
             }
-            hash.update(&b.node.occupied.to_le_bytes());
-            let solid = b.node.solid();
-            hash.update(&solid.to_le_bytes());
-            for (_, field) in b.node.fields().filter(|&(c, _)| solid >> c & 1 == 0) {
-                hash.update(&field.to_le_bytes());
+            bytes.extend(b.node.occupied.to_le_bytes());
+            let (at, mut solid) = (bytes.len(), 0u64);
+            bytes.extend(solid.to_le_bytes());
+            for ((_, class), (c, field)) in b.node.classes().zip(b.node.fields()) {
+                match class {
+                    Class::Solid => solid |= 1 << c,
+                    _ => bytes.extend_from_slice(&field.to_le_bytes()),
+                }
+            }
+            bytes[at..at + 8].copy_from_slice(&solid.to_le_bytes());
+            if bytes.len() >= PIECE {
+                hash.update(&bytes);
+                bytes.clear();
             }
         });
+        hash.update(&bytes);
         hash.digest128()
     }
 }

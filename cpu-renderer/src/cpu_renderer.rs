@@ -81,7 +81,7 @@ pub fn emitters_of(
     let of_volumes = volumes.map(|(v, instance)| EmissiveGeometry::Volume {
         instance,
         volume: v.volume(),
-        drawn: v.drawn().into_owned(),
+        drawn: v.drawn(),
         placement: *v.placement(),
         detail: v.detail(),
         cuts: v.cuts(),
@@ -185,7 +185,7 @@ impl Making<'_> {
                         (VolumeTracer::with_hidden_labels(place as u32, &traced)?.with_bricks(), true)
                     }
                     (false, Some((like, before))) => like.showing(&before, place as u32, &traced)?,
-                    (false, None) => (VolumeTracer::new(place as u32, &traced)?.with_bricks(), true),
+                    (false, None) => (VolumeTracer::in_bricks(place as u32, &traced)?, true),
                 };
                 self.rebuilt.acceleration += u64::from(is_built);
                 geometry

@@ -6,7 +6,7 @@ use std::sync::Arc;
 
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, Job};
-use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
+use pumice_cpu::traverse::{SceneTracer, TracedInstance, VolumeTracer};
 use pumice_formats::{OpenChoice, OpenOptions, orientation};
 use pumice_transport::geometry::LodChoice;
 use serde::Serialize;
@@ -46,11 +46,11 @@ pub struct PumiceInfo {
     /// Size of the raw volume at four bytes per voxel.
     pub bytes_raw: u64,
     pub bytes_disk: u64,
-    /// Bytes of the compressed form in memory: `resident_parts` without `acceleration`.
+    /// Bytes of the compressed form in memory: `resident_parts` without `bricks` and `acceleration`.
     pub bytes_volume: u64,
-    /// Sum of `resident_parts`.
+    /// Sum of `resident_parts`: what a process holds that traces all labels by their voxels.
     pub bytes_resident: u64,
-    /// Bytes in memory by part, the acceleration structure for all labels included.
+    /// Bytes in memory by part, with what rays need where all labels are shown: `bricks`, and `acceleration` for all else.
     pub resident_parts: BTreeMap<String, u64>,
 }
 
@@ -156,7 +156,9 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
         volume.resident_parts().iter().map(|&(name, bytes)| (name.to_string(), bytes)).collect();
 
     let bytes_volume = parts.values().sum();
-    parts.insert("acceleration".into(), acceleration_bytes(&volume)?);
+    let tracer = SceneTracer::new(&[everything(&volume)])?;
+    parts.insert("acceleration".into(), tracer.bytes() - tracer.brick_bytes());
+    parts.insert("bricks".into(), tracer.brick_bytes());
 
     let (info, labels) = (volume.info(), volume.labels());
     Ok(PumiceInfo {
@@ -181,15 +183,31 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
     })
 }
 
-/// Bytes of the hierarchy over all boxes of a volume. No file holds it, so it is built here to measure its size.
+/// Bytes of the hierarchy over all boxes of a volume, through which rays find boxes where there are no bricks. No file holds it, so it is
+/// built here to measure its size.
+///
+/// # Errors
+/// As [`VolumeTracer::new`].
 pub fn acceleration_bytes(volume: &Arc<CompressedVolume>) -> Result<u64> {
-    let everything = TracedInstance {
+    Ok(VolumeTracer::new(0, &everything(volume))?.bytes())
+}
+
+/// Bytes of all that rays need to trace a volume with all labels shown: bricks, or the hierarchy where there can be none.
+///
+/// # Errors
+/// As [`SceneTracer::new`].
+pub fn tracing_bytes(volume: &Arc<CompressedVolume>) -> Result<u64> {
+    Ok(SceneTracer::new(&[everything(volume)])?.bytes())
+}
+
+/// A volume with all labels shown by their voxels.
+fn everything(volume: &Arc<CompressedVolume>) -> TracedInstance {
+    TracedInstance {
         visible: vec![true; volume.labels().len()],
         volume: Arc::clone(volume),
         world_from_index: volume.info().world_from_index,
         lod: LodChoice::Voxels,
-    };
-    Ok(VolumeTracer::new(0, &everything)?.bytes())
+    }
 }
 
 fn source_info(path: &Path, reading: &OpenOptions) -> Result<SourceInfo> {

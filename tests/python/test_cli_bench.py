@@ -43,9 +43,11 @@ def test_sizes_are_those_that_info_tells(measured, pumice, data, tmp_path):
     run(pumice, "compress", data / SMALL, "-o", file).fine()
     info = json.loads(run(pumice, "info", file, "--json").fine())
     assert (int(row["voxels"]), int(row["labels"]), int(row["boxes"])) == (VOXELS, info["labels"], info["boxes"])
-    for column, part in [("box bytes", "boxes"), ("node bytes", "nodes"), ("leaf bytes", "leaves"), ("acceleration bytes", "acceleration")]:
-        assert bytes_of(row[column]) == info["resident_parts"][part]
-    assert bytes_of(row["together"]) == info["bytes_resident"] - info["resident_parts"]["acceleration"]
+    parts = {"box": "boxes", "node": "nodes", "leaf": "leaves", "label": "labels", "brick": "bricks", "acceleration": "acceleration"}
+    for column, part in parts.items():
+        assert bytes_of(row[f"{column} bytes"]) == info["resident_parts"][part]
+    rays = info["resident_parts"]["bricks"] + info["resident_parts"]["acceleration"]
+    assert bytes_of(row["together"]) == info["bytes_resident"] - rays == info["bytes_volume"]
     assert bytes_of(row["disk, default"]) == os.path.getsize(file)
     assert bytes_of(row["disk, small"]) < bytes_of(row["disk, default"]) < bytes_of(row["disk, fast"])
 

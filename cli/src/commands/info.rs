@@ -38,7 +38,7 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
                 percent(p.bytes_volume)
             ))?;
             say(format_args!(
-                "memory     {:>14} bytes  {:6.3} %  with the hierarchy for rays (acceleration)",
+                "memory     {:>14} bytes  {:6.3} %  with what rays need of all labels (bricks, acceleration)",
                 p.bytes_resident,
                 percent(p.bytes_resident)
             ))?;

@@ -9,7 +9,7 @@ use crate::label_table::NO_TYPE;
 use crate::leaves::{Class, MAX_PATTERNS, MAX_SLICES, RARE};
 use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::volume::CHUNK_CELLS;
-use crate::{BoxView, CHUNK_VOXELS, CompressedVolume, MAX_DIM, VolumeInfo, morton};
+use crate::{BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, MAX_DIM, VolumeInfo, morton};
 
 /// Nothing, or the section that is wrong and what is wrong in it.
 pub(super) type Finding = Result<(), ([u8; 4], String)>;
@@ -41,9 +41,9 @@ pub(super) fn check_head(v: &CompressedVolume) -> Finding {
 pub(super) fn check(v: &CompressedVolume) -> Finding {
     check_chunks(v)?;
     check_runs(v)?;
-    let starts = check_nodes(v)?;
-    check_boxes(v, &starts)?;
-    check_counts(v)
+    let nodes = check_nodes(v)?;
+    check_boxes(v, &nodes)?;
+    check_counts(v, &nodes)
 }
 
 fn check_info(info: &VolumeInfo) -> Finding {
@@ -120,9 +120,9 @@ fn check_runs(v: &CompressedVolume) -> Finding {
     Ok(())
 }
 
-/// Walks the nodes from first to last and returns the set of words at which a node starts.
-fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
-    let mut starts = BitSet(vec![0; v.nodes.len().div_ceil(64)]);
+/// Walks the nodes from first to last.
+fn check_nodes(v: &CompressedVolume) -> Result<Nodes, ([u8; 4], String)> {
+    let mut nodes = Nodes::within(v.nodes.len());
     let mut at = 0;
     while at < v.nodes.len() {
         let wrong = |what: String| Err((*b"NODE", format!("node at word {at}: {what}")));
@@ -164,18 +164,20 @@ fn check_nodes(v: &CompressedVolume) -> Result<BitSet, ([u8; 4], String)> {
                 return wrong(format!("expected leaves below {entries}, got {highest}"));
             }
         }
-        let mut fields =
-            node.classes().zip(node.flipped_fields()).filter(|((_, class), _)| *class != Class::Solid);
-        if fields.any(|(_, (_, field, _))| field == 0 || field == u64::MAX) {
-            return wrong("expected mixed fields, got an empty or a full one".into());
+        let mut voxels = 0;
+        for ((_, class), (_, field, _)) in node.classes().zip(node.flipped_fields()) {
+            if class != Class::Solid && (field == 0 || field == u64::MAX) {
+                return wrong("expected mixed fields, got an empty or a full one".into());
+            }
+            voxels += field.count_ones() as u16;
         }
-        starts.insert(at);
+        nodes.push(at, voxels);
         at += node.words();
     }
-    Ok(starts)
+    Ok(nodes)
 }
 
-fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
+fn check_boxes(v: &CompressedVolume, nodes: &Nodes) -> Finding {
     // Word at which the nodes begin that no box has used yet. Writing boxes and nodes as streams relies on nodes in order of first use.
     let mut unused = 0u64;
     for (i, c) in v.chunks.iter().enumerate() {
@@ -183,7 +185,7 @@ fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
         for (k, record) in v.boxes[c.first_box as usize..end].iter().enumerate() {
             let wrong = |what: String| (*b"BOXS", format!("box {k} of chunk {i}: {what}"));
             let at = c.node_base + u64::from(record.node());
-            if !starts.contains(at) {
+            if !nodes.start_at(at) {
                 return Err(wrong(format!("expected the start of a node, got word {at}")));
             }
             if at > unused {
@@ -218,32 +220,37 @@ fn check_boxes(v: &CompressedVolume, starts: &BitSet) -> Finding {
         format!("expected use of all {} words, got nodes without a box from word {unused}", v.nodes.len())
     })?;
     // The boxes within a run must rise in Morton order: binary searches and the packed form rely on it.
-    for_each_run(v, |run| {
+    for_each_run(v, |_, _, run| {
         let rises = run.is_sorted_by(|a, b| morton::encode(a.cell()) < morton::encode(b.cell()));
         ensure(rises, b"BOXS", || "expected boxes of a label in Morton order".into())
     })
 }
 
-fn for_each_run(v: &CompressedVolume, mut visit: impl FnMut(&[crate::BoxRecord]) -> Finding) -> Finding {
+/// Calls `visit` with the label of each run, its chunk and its boxes.
+fn for_each_run(
+    v: &CompressedVolume,
+    mut visit: impl FnMut(u32, &Chunk, &[crate::BoxRecord]) -> Finding,
+) -> Finding {
     for (i, c) in v.chunks.iter().enumerate() {
         let next = v.chunks.get(i + 1);
         let boxes = &v.boxes[c.first_box as usize..next.map_or(v.boxes.len(), |n| n.first_box as usize)];
         let runs = &v.runs[c.first_run as usize..next.map_or(v.runs.len(), |n| n.first_run as usize)];
         for (r, run) in runs.iter().enumerate() {
             let end = runs.get(r + 1).map_or(boxes.len(), |n| n.first_box as usize);
-            visit(&boxes[run.first_box as usize..end])?;
+            visit(run.label, c, &boxes[run.first_box as usize..end])?;
         }
     }
     Ok(())
 }
 
 /// Counts each label's voxels and compares the counts with the label table.
-fn check_counts(v: &CompressedVolume) -> Finding {
+fn check_counts(v: &CompressedVolume, nodes: &Nodes) -> Finding {
     let mut counts = vec![0u64; v.labels.ids.len()];
-    v.for_each_box(|label, b| {
-        let voxels = |(_, field, _): (u32, u64, u32)| u64::from(field.count_ones());
-        counts[label as usize] += b.node.flipped_fields().map(voxels).sum::<u64>();
-    });
+    for_each_run(v, |label, chunk, boxes| {
+        let voxels = |record: &crate::BoxRecord| nodes.voxels_at(chunk.node_base + u64::from(record.node()));
+        counts[label as usize] += boxes.iter().map(voxels).sum::<u64>();
+        Ok(())
+    })?;
     for (i, (&expected, &got)) in v.labels.voxels.iter().zip(&counts).enumerate() {
         let expected = if v.holds(i as u32) { expected } else { 0 };
         ensure(expected == got && (got > 0 || !v.holds(i as u32)), b"LVOX", || {
@@ -256,15 +263,41 @@ fn check_counts(v: &CompressedVolume) -> Finding {
     })
 }
 
-/// A set of small whole numbers, one bit each.
-struct BitSet(Vec<u64>);
+/// Where nodes start, and how many voxels each has.
+///
+/// ```text
+/// starts   a bit for each word: 1 where a node starts
+/// before   for each 64 of these bits, how many nodes start before them
+/// voxels   for each node, from 1 to 4096
+/// ```
+struct Nodes {
+    starts: Vec<u64>,
+    before: Vec<u64>,
+    voxels: Vec<u16>,
+}
 
-impl BitSet {
-    fn insert(&mut self, i: usize) {
-        self.0[i / 64] |= 1 << (i % 64);
+impl Nodes {
+    /// None yet, of an array of this many words.
+    fn within(words: usize) -> Self {
+        let groups = words.div_ceil(64);
+        Self { starts: vec![0; groups], before: Vec::with_capacity(groups), voxels: Vec::new() }
     }
 
-    fn contains(&self, i: u64) -> bool {
-        self.0.get((i / 64) as usize).is_some_and(|word| word >> (i % 64) & 1 != 0)
+    /// Appends the node that starts at this word, which comes after the others.
+    fn push(&mut self, at: usize, voxels: u16) {
+        self.before.resize(at / 64 + 1, self.voxels.len() as u64);
+        self.starts[at / 64] |= 1 << (at % 64);
+        self.voxels.push(voxels);
+    }
+
+    fn start_at(&self, at: u64) -> bool {
+        self.starts.get((at / 64) as usize).is_some_and(|group| group >> (at % 64) & 1 != 0)
+    }
+
+    /// Voxels of the node that starts at this word.
+    fn voxels_at(&self, at: u64) -> u64 {
+        let (group, below) = ((at / 64) as usize, (1 << (at % 64)) - 1);
+        let number = self.before[group] + u64::from((self.starts[group] & below).count_ones());
+        self.voxels[number as usize].into()
     }
 }

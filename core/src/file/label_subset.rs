@@ -226,11 +226,12 @@ fn pick_packed(
     for (k, name) in nodes::REFERENCES.into_iter().enumerate() {
         let (stream, at) = section(name)?;
         for (node, parts) in found.iter().zip(&mut parts) {
-            parts[k] = nodes::elements(&stream, k, &node.references[k], leaves).map_err(|w| fault(w, at))?;
+            let part = nodes::elements(&stream, k, &node.references[k], leaves);
+            parts[k] = part.map_err(|w| fault(w, at))?.to_vec();
         }
     }
     for ((node, parts), words) in found.iter().zip(&parts).zip(picked.nodes.values_mut()) {
-        *words = node.words([&parts[0], &parts[1], &parts[2]], leaves);
+        node.append([&parts[0], &parts[1], &parts[2]], leaves, words);
     }
     Ok(picked)
 }

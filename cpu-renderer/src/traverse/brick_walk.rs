@@ -154,6 +154,40 @@ pub(super) fn first_voxel<P: RayBoxMask>(
     }
 }
 
+/// Calls `visit` with the bricks that a ray passes between `start` and `t_max`, from near to far; it returns up to which t further ones
+/// are wanted.
+pub(super) fn for_each_brick_along<P: RayBoxMask>(
+    by: P,
+    bricks: &Bricks,
+    ray: &IndexRay,
+    start: f64,
+    t_max: f64,
+    mut visit: impl FnMut(usize) -> f64,
+) {
+    let [low, high] = &bricks.bounds;
+    let (mut enter, leave) = ray.clip_by(by, by.f64x4(low), by.f64x4(high), start);
+    if enter >= leave || enter >= t_max {
+        return;
+    }
+    let mut end = leave.min(t_max);
+    let octant = Octant::new(|a| ray.is_down(a));
+    let mut walk = BlockWalk::begin(by, bricks, ray, enter);
+    loop {
+        let met = by.ray_box_mask(ray, by.f64x4(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
+        let mut met = met & by.mirrored(bricks.occupied(walk.index), octant);
+        while met != 0 {
+            let place = met.trailing_zeros() ^ octant.mirror();
+            met &= met - 1;
+            end = end.min(visit(bricks.brick(walk.index, place).0));
+        }
+        // (`end` may be a t at which a hit is as near: what begins there is still wanted.)
+        match walk.step(bricks, ray, end.next_up()) {
+            Some(t) => enter = t,
+            None => return,
+        }
+    }
+}
+
 /// State that the searches through all bricks share.
 #[derive(Clone, Copy)]
 struct BrickSearch<'a, P> {

@@ -87,14 +87,12 @@ impl Nearest {
 }
 
 impl SceneTracer {
-    /// Builds the acceleration structures, including bricks; `instances[i]` is reported as `Surface::instance` i.
+    /// Builds the acceleration structures, bricks where they are possible; `instances[i]` is reported as `Surface::instance` i.
     ///
     /// # Errors
     /// [`RenderError::Scene`] names the instance whose matrix is singular or which has too many boxes.
     pub fn new(instances: &[TracedInstance]) -> Result<Self, RenderError> {
-        let build = |(i, instance)| {
-            VolumeTracer::new(i as u32, instance).map(|volume| Arc::new(volume.with_bricks()))
-        };
+        let build = |(i, instance)| VolumeTracer::in_bricks(i as u32, instance).map(Arc::new);
         Ok(Self::of(instances.iter().enumerate().map(build).collect::<Result<_, _>>()?))
     }
 

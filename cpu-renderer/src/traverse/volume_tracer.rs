@@ -1,5 +1,6 @@
-//! The geometry of one instance of a volume: its hierarchy, and the queries of rays.
+//! The geometry of one instance of a volume: its bricks or its hierarchy, and the queries of rays.
 
+mod drawn_boxes;
 mod making;
 mod search;
 mod showing;
@@ -15,7 +16,7 @@ use pumice_transport::geometry::lod::{Detail, DetailLevel};
 use pumice_transport::geometry::neighbors::Neighbors;
 use pumice_transport::geometry::placement::Placement;
 use pumice_transport::geometry::voxel_normals::falling_off;
-use pumice_transport::{Bvh, Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
+use pumice_transport::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 use super::IndexRay;
 use super::box_walk::Crossing;
@@ -23,6 +24,7 @@ use super::cut_ray::CutRay;
 use super::f64x4::{Instructions, Plain};
 use super::index_ray::{Start, surface_of};
 use super::ray_box_mask::RayBoxMask;
+use drawn_boxes::DrawnBoxes;
 pub(super) use search::{Nearest, bvh_ray};
 use showing::Widest;
 use surfaces::Left;
@@ -33,25 +35,21 @@ pub struct VolumeTracer {
     volume: Arc<CompressedVolume>,
     placement: Placement,
     instance: u32,
-    /// Items are indices of boxes.
-    bvh: Arc<Bvh>,
-    /// The drawn voxels with all labels merged, if there is such a form: it answers queries that are not about one label.
+    boxes: Arc<DrawnBoxes>,
+    /// The drawn voxels with all labels merged, if there is such a form; where there is none, the boxes have a hierarchy.
     bricks: Option<Arc<Bricks>>,
     /// Whether bricks are wanted where they are possible.
     wants_bricks: bool,
     detail: Detail,
     /// The level of all boxes, where it is certain to be the same: a surface then need not ask its box for the element.
     level: Option<DetailLevel>,
-    /// Whether the hierarchy has the bounds of the voxels, which requires every box to be at that level. Otherwise it has the bounds of the
-    /// boxes, which contain every level.
-    tight: bool,
     /// Outward normals in the world: lower and upper face of each axis.
     normals: [[DVec3; 2]; 3],
     /// Parts that are cut away.
     cuts: Cuts,
-    /// Whether each label, by dense index, is not drawn; `None` where the hierarchy has no hidden labels.
+    /// Whether each label, by dense index, is not drawn; `None` where the boxes have no hidden labels.
     hidden: Option<Arc<[bool]>>,
-    /// The largest hierarchy that was built for this volume, from which others are made when labels are hidden or shown.
+    /// The most boxes that were drawn of this volume, from which others are made when labels are hidden or shown.
     widest: Option<Arc<Widest>>,
     /// Neighbours of each box, where voxels are shaded smooth.
     neighbors: Option<Arc<Neighbors>>,
@@ -61,7 +59,7 @@ impl VolumeTracer {
     /// Dense index of the visible label at `voxel`, at the level of detail that is drawn; the lowest if there are several.
     pub fn label_at(&self, voxel: [u32; 3]) -> Option<u32> {
         let mut label = None;
-        self.bvh.at_voxel(voxel, |item| {
+        self.for_each_box_near(voxel, |item| {
             if self.holds(item, voxel) {
                 let found = self.label_of(item);
                 label = Some(label.map_or(found, |l: u32| l.min(found)));

@@ -10,15 +10,25 @@
 //! blocks   64³ voxels each, x fastest: a mask of the bricks that hold a voxel, and the index of the first of these bricks
 //! bricks   16³ voxels each, ordered by block and place in it: masks of the cells that hold a voxel and of the cells that hold all 64;
 //!          the index of the first field
-//! fields   for each cell that is neither empty nor full: a mask of its voxels
-//! parts    for each brick: the boxes that reach into it, with the cells that they occupy there
+//! fields   for each cell that is neither empty nor full: a mask of its voxels, as a code where masks repeat (`brick_fields`)
+//! items    for each brick: the numbers of the boxes that reach into it, rising
+//! sections for each item: in which of 16 sections of the brick, of 2 × 2 × 1 cells each, the box has a cell
 //! ```
-//! In every mask, the element at (x, y, z) is bit x + 4y + 16z.
+//! In every mask of 64, the element at (x, y, z) is bit x + 4y + 16z; the section of cell (x, y, z) is bit ⌊x/2⌋ + 2⌊y/2⌋ + 4z.
+//!
+//! **Bytes.** An item takes six, whatever the box has in the brick. Sixteen, with a mask of all its cells and its label, made the bricks of
+//! a cortex twice as large. What is left out is seldom needed: the label once a hit ([`LabelOfBox`]), the cells where the sections of
+//! several boxes hold the voxel that was hit.
+
+use std::ops::Range;
+use std::sync::Arc;
 
 use crate::BoxBounds;
 use pumice_core::CompressedVolume;
 
+use super::brick_fields::Fields;
 use super::each_axis;
+use super::label_of_box::LabelOfBox;
 use super::lod::DetailLevel;
 
 /// Voxels along the side of a block.
@@ -39,8 +49,10 @@ pub struct Bricks {
     pub strides: [usize; 3],
     blocks: Vec<Block>,
     bricks: Vec<Brick>,
-    fields: Vec<u64>,
-    parts: Vec<BrickPart>,
+    fields: Fields,
+    items: Vec<u32>,
+    sections: Vec<u16>,
+    labels: Arc<LabelOfBox>,
 }
 
 /// A block of 64³ voxels.
@@ -61,19 +73,8 @@ pub struct Brick {
     pub full: u64,
     /// Index of its first field.
     pub first_field: u32,
-    /// Index of its first part.
-    pub first_part: u32,
-}
-
-/// The part of a box that lies in one brick.
-#[derive(Clone, Copy, Debug)]
-pub struct BrickPart {
-    /// Mask of the brick's cells that the box occupies.
-    pub cells: u64,
-    /// Index of the box in the volume.
-    pub item: u32,
-    /// Dense label of the box.
-    pub label: u32,
+    /// Index of its first item.
+    pub first_item: u32,
 }
 
 /// Limit on the blocks of a sparse volume: this many for each box, or `FEW_BLOCKS` if that is more. Beyond it most blocks are empty and
@@ -95,40 +96,43 @@ impl Bricks {
             return None;
         }
         let reaching = boxes_by_brick(volume, items, blocks_along);
-        let mut made = Self::empty(level, blocks_along);
+        let mut made =
+            Self::empty(level, blocks_along, Fields::default(), Arc::new(LabelOfBox::new(volume)?));
         let mut bounds = BoxBounds::EMPTY;
         for of_brick in reaching.chunk_by(|a, b| a.0 == b.0) {
             let number = of_brick.first()?.0;
             bounds = bounds.union(made.add(volume, number, of_brick.iter().map(|of| of.1))?);
         }
+        made.fields.pack();
         made.finish(bounds)
     }
 
     /// The same without the boxes of `hidden` labels: what [`Bricks::new`] builds of the others. Bricks that no hidden box reaches into are
     /// copied. `volume` is the one that these were built of. Returns `None` where nothing is left.
     pub fn without(&self, volume: &CompressedVolume, hidden: &[bool]) -> Option<Self> {
-        let is_hidden = |part: &BrickPart| hidden.get(part.label as usize).copied().unwrap_or(true);
+        let is_hidden =
+            |item: &u32| hidden.get(self.label_of(volume, *item) as usize).copied().unwrap_or(true);
         let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
-        let mut made = Self::empty(self.level, blocks_along);
+        let fields = Fields::empty_like(&self.fields);
+        let mut made = Self::empty(self.level, blocks_along, fields, Arc::clone(&self.labels));
         let mut bounds = BoxBounds::EMPTY;
         for (b, block) in self.blocks.iter().enumerate() {
             for (i, place) in (0u32..64).filter(|&place| block.occupied >> place & 1 != 0).enumerate() {
                 let number = (b as u64) << PLACE_BITS | u64::from(place);
                 let at = block.first_brick as usize + i;
-                let parts =
-                    &self.parts[self.bricks[at].first_part as usize..self.bricks[at + 1].first_part as usize];
-                if parts.iter().any(is_hidden) {
-                    let kept = parts.iter().filter(|part| !is_hidden(part)).map(|part| part.item);
+                let items = self.items_of(at);
+                if items.iter().any(is_hidden) {
+                    let kept = items.iter().copied().filter(|item| !is_hidden(item));
                     bounds = bounds.union(made.add(volume, number, kept)?);
                 } else {
-                    bounds = bounds.union(made.copy(self, at, parts, number, &bounds)?);
+                    bounds = bounds.union(made.copy(self, at, number, &bounds)?);
                 }
             }
         }
         if made.bricks.is_empty() { None } else { made.finish(bounds) }
     }
 
-    fn empty(level: DetailLevel, blocks_along: [u32; 3]) -> Self {
+    fn empty(level: DetailLevel, blocks_along: [u32; 3], fields: Fields, labels: Arc<LabelOfBox>) -> Self {
         let blocks: usize = blocks_along.iter().map(|&n| n as usize).product();
         Self {
             level,
@@ -137,18 +141,21 @@ impl Bricks {
             strides: [1, blocks_along[0] as usize, blocks_along[0] as usize * blocks_along[1] as usize],
             blocks: vec![Block::default(); blocks],
             bricks: Vec::new(),
-            fields: Vec::new(),
-            parts: Vec::new(),
+            fields,
+            items: Vec::new(),
+            sections: Vec::new(),
+            labels,
         }
     }
 
-    /// Appends the entry that marks where the last brick's fields and parts end.
+    /// Appends the entry that marks where the last brick's fields and items end.
     fn finish(mut self, bounds: BoxBounds) -> Option<Self> {
         self.bounds = [bounds.lo, bounds.hi].map(f64x4);
         self.bricks.push(self.next_brick()?);
         self.bricks.shrink_to_fit();
         self.fields.shrink_to_fit();
-        self.parts.shrink_to_fit();
+        self.items.shrink_to_fit();
+        self.sections.shrink_to_fit();
         Some(self)
     }
 
@@ -171,15 +178,8 @@ impl Bricks {
         Some(())
     }
 
-    /// Appends brick `at` of `other`, whose parts these are, and returns the bounds of its voxels, as far as they are not within `known`.
-    fn copy(
-        &mut self,
-        other: &Self,
-        at: usize,
-        parts: &[BrickPart],
-        number: u64,
-        known: &BoxBounds,
-    ) -> Option<BoxBounds> {
+    /// Appends brick `at` of `other`, and returns the bounds of its voxels, as far as they are not within `known`.
+    fn copy(&mut self, other: &Self, at: usize, number: u64, known: &BoxBounds) -> Option<BoxBounds> {
         let brick = &other.bricks[at];
         let of_brick = Brick { occupied: brick.occupied, full: brick.full, ..self.next_brick()? };
         let origin = self.origin(number);
@@ -190,16 +190,17 @@ impl Bricks {
             bounds = bounds.union(bounds_of(other.field(brick, c), corner));
         }
         self.mark(number)?;
-        self.fields
-            .extend(&other.fields[brick.first_field as usize..other.bricks[at + 1].first_field as usize]);
-        self.parts.extend(parts);
+        let fields = brick.first_field as usize..other.bricks[at + 1].first_field as usize;
+        self.fields.extend_from(&other.fields, fields);
+        self.items.extend(other.items_of(at));
+        self.sections.extend(other.sections_of(at));
         self.bricks.push(of_brick);
         Some(bounds)
     }
 
     fn next_brick(&self) -> Option<Brick> {
         let first_field = self.fields.len().try_into().ok()?;
-        Some(Brick { occupied: 0, full: 0, first_field, first_part: self.parts.len().try_into().ok()? })
+        Some(Brick { occupied: 0, full: 0, first_field, first_item: self.items.len().try_into().ok()? })
     }
 
     /// Appends the next brick, made of the boxes that reach into it, and returns the bounds of its voxels; `None` where an index overflows.
@@ -212,32 +213,14 @@ impl Bricks {
         let origin = self.origin(number);
         let (mut brick, mut cells, mut bounds) = (self.next_brick()?, [0u64; 64], BoxBounds::EMPTY);
         for item in of_brick {
-            let b = volume.place_of_box(item as usize);
-            // Boxes are aligned to cells, not to bricks.
-            let shift = each_axis(|a| (b.origin[a] as i32 - origin[a] as i32) / 4);
-            let mut part = BrickPart { cells: 0, item, label: volume.label_of_box(item as usize) };
-            let mut put = |c: u32, field: u64| {
-                let at = each_axis(|a| (c >> (2 * a) & 3) as i32 + shift[a]);
-                if at.iter().all(|at| (0..4).contains(at)) {
-                    let c = (at[0] + 4 * at[1] + 16 * at[2]) as usize;
-                    cells[c] |= field;
-                    part.cells |= 1 << c;
-                }
-            };
-            // Data that a level does not need is not read, so those pages of a mapped file never come into memory.
-            match self.level {
-                DetailLevel::Voxels => volume.box_at(&b).node.fields().for_each(|(c, field)| put(c, field)),
-                DetailLevel::Cells => {
-                    let occupied = volume.box_at(&b).node.occupied;
-                    (0..64).filter(|c| occupied >> c & 1 != 0).for_each(|c| put(c, u64::MAX));
-                }
-                DetailLevel::Boxes => {
-                    let holds = |c: &u32| (0..3).all(|a| 4 * (c >> (2 * a) & 3) < b.extent[a]);
-                    (0..64).filter(holds).for_each(|c| put(c, u64::MAX));
-                }
-            }
-            if part.cells != 0 {
-                self.parts.push(part);
+            let mut sections = 0u16;
+            for_each_cell(volume, item, origin, self.level, |c, field| {
+                cells[c as usize] |= field;
+                sections |= 1 << section_of(c);
+            });
+            if sections != 0 {
+                self.items.push(item);
+                self.sections.push(sections);
             }
         }
         for (c, &field) in cells.iter().enumerate().filter(|(_, field)| **field != 0) {
@@ -264,19 +247,39 @@ impl Bricks {
         &self.blocks
     }
 
-    /// All bricks, and one entry after the last that marks where its fields and parts end.
+    /// All bricks, and one entry after the last that marks where its fields and items end.
     pub fn bricks(&self) -> &[Brick] {
         &self.bricks
     }
 
     /// Voxel masks of the cells that are neither empty nor full.
-    pub fn fields(&self) -> &[u64] {
-        &self.fields
+    pub fn fields(&self) -> impl ExactSizeIterator<Item = u64> {
+        (0..self.fields.len()).map(|place| self.fields.at(place))
     }
 
-    /// Parts of all bricks, brick by brick.
-    pub fn parts(&self) -> &[BrickPart] {
-        &self.parts
+    /// Numbers of the boxes that reach into each brick, brick by brick.
+    pub fn items(&self) -> &[u32] {
+        &self.items
+    }
+
+    /// Numbers of the boxes that reach into one brick, rising.
+    pub fn items_of(&self, brick: usize) -> &[u32] {
+        &self.items[self.range_of(brick)]
+    }
+
+    fn sections_of(&self, brick: usize) -> &[u16] {
+        &self.sections[self.range_of(brick)]
+    }
+
+    #[inline(always)]
+    fn range_of(&self, brick: usize) -> Range<usize> {
+        self.bricks[brick].first_item as usize..self.bricks[brick + 1].first_item as usize
+    }
+
+    /// Dense label of a box of `volume`, of which these bricks are made.
+    #[inline(always)]
+    pub fn label_of(&self, volume: &CompressedVolume, item: u32) -> u32 {
+        self.labels.of(volume, item)
     }
 
     /// The level of detail that is drawn.
@@ -288,9 +291,9 @@ impl Bricks {
     pub fn bytes(&self) -> u64 {
         let bytes = self.blocks.capacity() * size_of::<Block>()
             + self.bricks.capacity() * size_of::<Brick>()
-            + self.fields.capacity() * size_of::<u64>()
-            + self.parts.capacity() * size_of::<BrickPart>();
-        bytes as u64
+            + self.items.capacity() * size_of::<u32>()
+            + self.sections.capacity() * size_of::<u16>();
+        bytes as u64 + self.fields.bytes() + self.labels.bytes()
     }
 
     /// Mask of a block's bricks that hold a voxel.
@@ -316,24 +319,94 @@ impl Bricks {
         if partial & bit == 0 {
             return u64::MAX;
         }
-        self.fields[brick.first_field as usize + (partial & (bit - 1)).count_ones() as usize]
+        self.fields.at(brick.first_field as usize + (partial & (bit - 1)).count_ones() as usize)
     }
 
-    /// The box that holds `voxel` of a brick. `holds` decides among the boxes that occupy the voxel's cell; at coarser levels the box with
-    /// the lowest label is returned.
+    /// The boxes of a brick with a cell in the section of `voxel`: all that may hold it, and perhaps others.
+    #[inline(always)]
+    pub fn boxes_near(&self, brick: usize, voxel: [u32; 3]) -> impl Iterator<Item = u32> {
+        let range = self.range_of(brick);
+        let section = section_of(cell_of(voxel));
+        let sections = self.sections[range.clone()].iter().zip(&self.items[range]);
+        sections.filter(move |(sections, _)| **sections >> section & 1 != 0).map(|(_, &item)| item)
+    }
+
+    /// The box that holds `voxel`, which is set, of a brick. `holds` decides among the boxes that are near; at coarser levels elements
+    /// overlap, and the box with the lowest label is returned.
     #[inline]
-    pub fn part(&self, brick: usize, voxel: [u32; 3], holds: impl Fn(u32) -> bool) -> Option<BrickPart> {
-        let cell = (voxel[0] >> 2 & 3) | (voxel[1] >> 2 & 3) << 2 | (voxel[2] >> 2 & 3) << 4;
-        let end = self.bricks[brick + 1].first_part as usize;
-        let parts = &self.parts[self.bricks[brick].first_part as usize..end];
-        let mut there = parts.iter().filter(|part| part.cells >> cell & 1 != 0);
+    pub fn box_with(
+        &self,
+        volume: &CompressedVolume,
+        brick: usize,
+        voxel: [u32; 3],
+        holds: impl Fn(u32) -> bool,
+    ) -> Option<u32> {
+        let mut near = self.boxes_near(brick, voxel);
         if self.level != DetailLevel::Voxels {
-            return there.min_by_key(|part| part.label).copied();
+            return near.filter(|&item| holds(item)).min_by_key(|&item| self.label_of(volume, item));
         }
-        let first = there.next()?;
-        match there.next() {
-            None => Some(*first),
-            Some(second) => [first, second].into_iter().chain(there).find(|part| holds(part.item)).copied(),
+        // The last one that is left needs no question.
+        let mut at = near.next()?;
+        for next in near {
+            if holds(at) {
+                break;
+            }
+            at = next;
+        }
+        Some(at)
+    }
+
+    /// The brick that `voxel` lies in; `None` where that holds nothing, and outside of the volume.
+    pub fn brick_with(&self, voxel: [u32; 3]) -> Option<usize> {
+        if (0..3).any(|a| f64::from(voxel[a] / BLOCK) > self.last_block[a]) {
+            return None;
+        }
+        let block = (0..3).map(|a| self.strides[a] * (voxel[a] / BLOCK) as usize).sum();
+        let place = cell_of(voxel.map(|v| v / 4));
+        (self.occupied(block) >> place & 1 != 0).then(|| self.brick(block, place).0)
+    }
+}
+
+/// Place of the cell of `voxel` in its brick.
+#[inline(always)]
+fn cell_of(voxel: [u32; 3]) -> u32 {
+    (voxel[0] >> 2 & 3) | (voxel[1] >> 2 & 3) << 2 | (voxel[2] >> 2 & 3) << 4
+}
+
+/// The section that a cell of a brick lies in.
+#[inline(always)]
+fn section_of(cell: u32) -> u32 {
+    (cell >> 1 & 1) | (cell >> 3 & 1) << 1 | (cell >> 4) << 2
+}
+
+/// Calls `visit` with each cell of the brick at `origin` where a box has an element of this level, and with that element's voxels. Elements
+/// of the coarser levels may reach beyond the volume.
+pub fn for_each_cell(
+    volume: &CompressedVolume,
+    item: u32,
+    origin: [u32; 3],
+    level: DetailLevel,
+    mut visit: impl FnMut(u32, u64),
+) {
+    let b = volume.place_of_box(item as usize);
+    // Boxes are aligned to cells, not to bricks.
+    let shift = each_axis(|a| (b.origin[a] as i32 - origin[a] as i32) / 4);
+    let mut put = |c: u32, field: u64| {
+        let at = each_axis(|a| (c >> (2 * a) & 3) as i32 + shift[a]);
+        if at.iter().all(|at| (0..4).contains(at)) {
+            visit((at[0] + 4 * at[1] + 16 * at[2]) as u32, field);
+        }
+    };
+    // Data that a level does not need is not read, so those pages of a mapped file never come into memory.
+    match level {
+        DetailLevel::Voxels => volume.box_at(&b).node.fields().for_each(|(c, field)| put(c, field)),
+        DetailLevel::Cells => {
+            let occupied = volume.box_at(&b).node.occupied;
+            (0..64).filter(|c| occupied >> c & 1 != 0).for_each(|c| put(c, u64::MAX));
+        }
+        DetailLevel::Boxes => {
+            let holds = |c: &u32| (0..3).all(|a| 4 * (c >> (2 * a) & 3) < b.extent[a]);
+            (0..64).filter(holds).for_each(|c| put(c, u64::MAX));
         }
     }
 }
@@ -368,7 +441,7 @@ fn boxes_by_brick(volume: &CompressedVolume, items: &[u32], blocks_along: [u32; 
 }
 
 /// Mask of the voxels of the cell at `corner` that lie within the volume.
-fn within(corner: [u32; 3], dims: [u32; 3]) -> u64 {
+pub fn within(corner: [u32; 3], dims: [u32; 3]) -> u64 {
     let [x, y, z] = each_axis(|a| (dims[a] - corner[a]).min(4));
     if [x, y, z] == [4; 3] {
         return u64::MAX;
@@ -400,7 +473,7 @@ mod tests {
 
     use super::*;
 
-    /// Compares voxel by voxel with the volume's own boxes: a voxel is set where a box holds it, and the part names that box.
+    /// Compares voxel by voxel with the volume's own boxes: a voxel is set where a box holds it, and the brick names that box.
     #[test]
     fn voxels_are_those_of_the_boxes() {
         let (_, volume) = blobs([90, 70, 150], 60, 9, 8);
@@ -435,14 +508,15 @@ mod tests {
                         .filter(|(_, brick)| brick.occupied >> at(2) & 1 != 0)
                         .filter(|(_, brick)| bricks.field(brick, at(2)) >> at(0) & 1 != 0)
                         .and_then(|(number, _)| {
-                            bricks.part(number, voxel, |item| {
+                            assert_eq!(bricks.brick_with(voxel), Some(number));
+                            bricks.box_with(&volume, number, voxel, |item| {
                                 shared.set(shared.get() + 1);
                                 expected[&voxel] == item
                             })
                         });
-                    assert_eq!(found.map(|part| part.item), expected.get(&voxel).copied(), "{voxel:?}");
-                    if let Some(part) = found {
-                        assert_eq!(part.label, volume.label_of_box(part.item as usize));
+                    assert_eq!(found, expected.get(&voxel).copied(), "{voxel:?}");
+                    if let Some(item) = found {
+                        assert_eq!(bricks.label_of(&volume, item), volume.label_of_box(item as usize));
                     }
                 }
             }
@@ -463,8 +537,11 @@ mod tests {
         };
         let labels = volume.labels().len();
         let edge: Vec<bool> = (0..labels).map(at_edge).collect();
-        let text =
-            |b: &Bricks| format!("{:?} {:?} {:?} {:?} {:?}", b.bounds, b.blocks, b.bricks, b.fields, b.parts);
+        let text = |b: &Bricks| {
+            let Bricks { bounds, blocks, bricks, items, sections, .. } = b;
+            let fields: Vec<u64> = b.fields().collect();
+            format!("{bounds:?} {blocks:?} {bricks:?} {fields:?} {items:?} {sections:?}")
+        };
         for level in [DetailLevel::Voxels, DetailLevel::Cells, DetailLevel::Boxes] {
             let bricks = Bricks::new(&volume, &all, level).unwrap();
             let whole = text(&bricks);

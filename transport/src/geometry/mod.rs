@@ -3,18 +3,20 @@
 //! ```text
 //! placement       where an instance is: world ↔ index space, exact for whole numbers
 //! bvh             a hierarchy over integer boxes, triangles or instances; instance_tree puts one over a whole scene
-//! bricks          all drawn labels of a volume in one sparse grid of 64-bit masks
+//! bricks          all drawn labels of a volume in one sparse grid of 64-bit masks; label_of_box finds the label of what was hit
 //! contacts        where instances touch; cuts: planes of the parts that are cut away
 //! lod             the level of detail of each box
 //! visible_boxes   the boxes that are drawn; neighbors and voxel_normals give them smooth shading
 //! mesh_grid       triangles of a mesh in an integer grid; mesh_normals gives them smooth shading
 //! ```
 
+mod brick_fields;
 pub mod bricks;
 pub mod bvh;
 pub mod contacts;
 pub mod cuts;
 pub mod instance_tree;
+pub mod label_of_box;
 pub mod lod;
 pub mod mesh_grid;
 pub mod mesh_normals;
@@ -24,7 +26,7 @@ pub mod power_of_two;
 pub mod visible_boxes;
 pub mod voxel_normals;
 
-pub use bricks::{BLOCK, BRICK, Block, Brick, BrickPart, Bricks};
+pub use bricks::{BLOCK, BRICK, Block, Brick, Bricks};
 pub use contacts::Contacts;
 pub use cuts::{CutPlane, Cuts};
 pub use instance_tree::{InstanceTree, WorldBounds};

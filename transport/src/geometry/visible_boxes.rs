@@ -18,6 +18,24 @@ pub fn visible_boxes(
     tight: bool,
 ) -> Result<Vec<(BoxBounds, u32)>, NoMemory> {
     let mut boxes = reserved(count_visible(volume, visible) as usize, "a list of the boxes that are shown")?;
+    for_each_visible_box(volume, visible, tight, |bounds, item| boxes.push((bounds, item)));
+    Ok(boxes)
+}
+
+/// Indices of the boxes of visible labels, rising.
+pub fn visible_items(volume: &CompressedVolume, visible: &[bool]) -> Vec<u32> {
+    let mut items = Vec::with_capacity(count_visible(volume, visible) as usize);
+    items.extend(visible_ranges(volume, visible).flatten().map(|item| item as u32));
+    items
+}
+
+/// Calls `visit` with what [`visible_boxes`] lists.
+pub fn for_each_visible_box(
+    volume: &CompressedVolume,
+    visible: &[bool],
+    tight: bool,
+    mut visit: impl FnMut(BoxBounds, u32),
+) {
     for i in visible_ranges(volume, visible).flatten() {
         let place = volume.place_of_box(i as usize);
         let bounds = if tight {
@@ -27,9 +45,8 @@ pub fn visible_boxes(
             let hi = clipped_end(place.origin, place.extent, volume.info().dims);
             BoxBounds { lo: place.origin, hi }
         };
-        boxes.push((bounds, i as u32));
+        visit(bounds, i as u32);
     }
-    Ok(boxes)
 }
 
 /// Number of boxes of visible labels.

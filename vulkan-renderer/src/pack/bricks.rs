@@ -1,8 +1,10 @@
-//! Packs the drawn voxels of a volume as bricks. The form is the CPU's, but boxes have their numbers among the drawn boxes.
+//! Packs the drawn voxels of a volume as bricks. The form is the CPU's, but boxes have their numbers among the drawn boxes, and each has a
+//! part with its label and all its cells in the brick: threads that read them one after another wait for less.
 
 use pumice_core::reserve::{reserved, zeroed};
 use pumice_core::{CompressedVolume, NoMemory};
 use pumice_transport::BoxBounds;
+use pumice_transport::geometry::bricks::for_each_cell;
 use pumice_transport::geometry::{BLOCK, BRICK, Bricks, DetailLevel, LodChoice};
 
 use super::PackedBoxes;
@@ -65,19 +67,24 @@ impl PackedBricks {
             occupied: b.occupied,
             full: b.full,
             first_field: b.first_field,
-            first_part: b.first_part,
+            first_part: b.first_item,
         });
-        let parts = made.parts().iter().map(|part| BrickPart {
-            cells: part.cells,
-            box_number: number_of(part.item),
-            label: part.label,
-        });
+        let corners = corners_of(&made, dims)?;
+        let mut parts = reserved(made.items().len(), BRICKS)?;
+        for (brick, &corner) in corners.iter().enumerate() {
+            parts.extend(made.items_of(brick).iter().map(|&item| {
+                let mut cells = 0;
+                for_each_cell(volume, item, corner, level, |c, _| cells |= 1 << c);
+                let label = made.label_of(volume, item);
+                BrickPart { cells, box_number: number_of(item), label }
+            }));
+        }
         Ok(Some(Self {
             blocks: listed(blocks)?,
             bricks: listed(bricks)?,
-            fields: listed(made.fields().iter().copied())?,
-            parts: listed(parts)?,
-            corners: corners_of(&made, dims)?,
+            fields: listed(made.fields())?,
+            parts,
+            corners,
         }))
     }
 

@@ -71,6 +71,9 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("transport/src/geometry/mesh_grid.rs", "corners and bounds: prepared before a ray is traced"),
     ("transport/src/scene_lights.rs", "lights are prepared before a ray is traced"),
     ("transport/src/geometry/visible_boxes.rs", READY),
+    ("transport/src/geometry/label_of_box.rs", IN_PARTS),
+    ("transport/src/geometry/brick_fields.rs", IN_PARTS),
+    ("cpu-renderer/src/traverse/volume_tracer/drawn_boxes.rs", READY),
     ("transport/src/geometry/contacts.rs", READY),
     ("transport/src/geometry/neighbors.rs", "which boxes are near: prepared before a ray is traced"),
     ("cpu-renderer/src/traverse/mod.rs", NAMES),
@@ -109,6 +112,7 @@ const MASKS: &str =
     "a mask of all parts that a ray passes through; on a device a ray steps from part to part";
 const READY: &str = "prepared before a ray is traced, for both renderers";
 const READ: &str = "returns a field, which the shader reads directly";
+const IN_PARTS: &str = "saves memory on the host; on a device, parts and fields have what it finds";
 const COUNTED: &str = "counts memory or items on the host";
 const BOX_KNOWN: &str = "a surface has the number of its box in the shader";
 const CARRIED: &str = "adds what a scene does not need, for measurements; on a device `pack` does";
@@ -325,7 +329,11 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ),
     (
         "cpu-renderer/src/traverse/brick_walk.rs",
-        &[("BlockWalk::correct", "in brick_walk_begin, without a guess before it"), ("steps_of", MASKS)],
+        &[
+            ("BlockWalk::correct", "in brick_walk_begin, without a guess before it"),
+            ("for_each_brick_along", "on a device the front end finds the bricks of a label"),
+            ("steps_of", MASKS),
+        ],
     ),
     (
         "transport/src/geometry/bricks.rs",
@@ -342,7 +350,15 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Bricks::blocks", READ),
             ("Bricks::bricks", READ),
             ("Bricks::fields", READ),
-            ("Bricks::parts", READ),
+            ("Bricks::items", READ),
+            ("Bricks::items_of", READ),
+            ("Bricks::sections_of", IN_PARTS),
+            ("Bricks::range_of", IN_PARTS),
+            ("Bricks::boxes_near", IN_PARTS),
+            ("Bricks::label_of", IN_PARTS),
+            ("Bricks::brick_with", "in item_in_bricks"),
+            ("section_of", IN_PARTS),
+            ("for_each_cell", READY),
             ("Bricks::level", "a field of the instance"),
             ("Bricks::bytes", COUNTED),
             ("boxes_by_brick", READY),
@@ -359,6 +375,17 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("VolumeTracer::is_smooth", COMPILED),
             ("VolumeTracer::label_at", "a query about a voxel, not about a ray"),
         ],
+    ),
+    (
+        "cpu-renderer/src/traverse/volume_tracer/search.rs",
+        &[("Search::found", "the caller of the twin looks the label up")],
+    ),
+    (
+        "cpu-renderer/src/traverse/volume_tracer/surfaces.rs",
+        &[(
+            "VolumeTracer::for_each_box_near",
+            "the twin asks bricks, or a search at one point, in item_with",
+        )],
     ),
     (
         "transport/src/geometry/bvh.rs",
@@ -465,12 +492,16 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Bricks::occupied", "block_at"),
             ("Bricks::brick", "block_brick"),
             ("Bricks::field", "brick_field"),
-            ("Bricks::part", "brick_part"),
+            ("Bricks::box_with", "brick_part"),
+            ("cell_of", "place_in"),
         ],
     ),
     (
         "cpu-renderer/src/traverse/volume_tracer/search.rs",
-        &[("VolumeTracer::nearest_in_bricks", "found_in_brick")],
+        &[
+            ("VolumeTracer::nearest_in_bricks", "found_in_brick"),
+            ("VolumeTracer::nearest_of_label", "visit_brick"),
+        ],
     ),
     (
         "cpu-renderer/src/traverse/volume_tracer/surfaces.rs",

@@ -1,6 +1,5 @@
-//! Construction of a [`VolumeTracer`]: its hierarchy, bricks and cuts; and their memory.
+//! Construction of a [`VolumeTracer`]: its bricks or hierarchy, and its cuts; and their memory.
 
-use std::borrow::Cow;
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
@@ -13,11 +12,11 @@ use pumice_transport::geometry::instance_tree::WorldBounds;
 use pumice_transport::geometry::lod::{Detail, DetailLevel};
 use pumice_transport::geometry::neighbors::Neighbors;
 use pumice_transport::geometry::placement::Placement;
-use pumice_transport::geometry::visible_boxes::visible_boxes;
-use pumice_transport::{BoxBounds, Bvh, RenderError};
+use pumice_transport::{BoxBounds, RenderError};
 
 use super::super::TracedInstance;
 use super::VolumeTracer;
+use super::drawn_boxes::DrawnBoxes;
 
 fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
     [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])
@@ -29,7 +28,30 @@ impl VolumeTracer {
     /// # Errors
     /// [`RenderError::Scene`] if the matrix is singular or there are too many boxes to number; [`RenderError::Memory`].
     pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
-        let TracedInstance { volume, world_from_index, visible, lod } = traced;
+        let is_tight = traced.lod == LodChoice::Voxels;
+        Self::of_boxes(instance, traced, || {
+            DrawnBoxes::in_hierarchy(&traced.volume, &traced.visible, is_tight)
+        })
+    }
+
+    /// Builds the bricks of the boxes of visible labels, which take less memory than a hierarchy and are faster. Builds a hierarchy where
+    /// bricks are not possible: where boxes have different levels, and where the volume is too sparse.
+    ///
+    /// # Errors
+    /// As [`VolumeTracer::new`].
+    pub fn in_bricks(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
+        let is_tight = traced.lod == LodChoice::Voxels;
+        Self::of_boxes(instance, traced, || Ok(DrawnBoxes::alone(&traced.volume, &traced.visible, is_tight)))?
+            .with_bricks()
+            .complete()
+    }
+
+    fn of_boxes(
+        instance: u32,
+        traced: &TracedInstance,
+        boxes: impl FnOnce() -> Result<DrawnBoxes, RenderError>,
+    ) -> Result<Self, RenderError> {
+        let TracedInstance { volume, world_from_index, lod, .. } = traced;
         let placement = Placement::of_instance(instance, *world_from_index)?;
         if volume.boxes().len() as u64 >> 32 != 0 {
             return Err(RenderError::Scene(format!(
@@ -37,25 +59,33 @@ impl VolumeTracer {
                 volume.boxes().len()
             )));
         }
-        let tight = *lod == LodChoice::Voxels;
-        let bvh = Arc::new(Bvh::build(visible_boxes(volume, visible, tight)?)?);
+        let boxes = Arc::new(boxes()?);
         let detail = lod.placed(world_from_index);
         Ok(Self {
             volume: Arc::clone(volume),
             normals: normals(&placement),
-            level: level_of(&bvh, &detail),
+            level: level_of(&boxes, &detail),
             detail,
             placement,
             instance,
-            bvh,
+            boxes,
             bricks: None,
             wants_bricks: false,
-            tight,
             cuts: Cuts::default(),
             hidden: None,
             widest: None,
             neighbors: None,
         })
+    }
+
+    /// Adds a hierarchy where there are no bricks, and where the next camera may ask for other levels.
+    pub(super) fn complete(mut self) -> Result<Self, RenderError> {
+        if (self.bricks.is_none() || matches!(self.detail, Detail::ByDistance(_)))
+            && let Some(boxes) = self.boxes.with_hierarchy(&self.volume)?
+        {
+            self.boxes = Arc::new(boxes);
+        }
+        Ok(self)
     }
 
     /// Like [`VolumeTracer::new`], with the boxes of hidden labels in the hierarchy, where rays skip them. It serves to measure what
@@ -70,8 +100,8 @@ impl VolumeTracer {
         Ok(Self { hidden: Some((0..labels).map(is_hidden).collect()), ..Self::new(instance, &all)? })
     }
 
-    /// Adds bricks to the hierarchy, which cost memory and make rays faster. Adds none where boxes have different levels, or where the
-    /// volume is too sparse.
+    /// Adds bricks, which make rays faster. Adds none where boxes have different levels, or where the volume is too sparse. See also
+    /// [`VolumeTracer::in_bricks`].
     #[must_use]
     pub fn with_bricks(mut self) -> Self {
         self.wants_bricks = true;
@@ -124,7 +154,7 @@ impl VolumeTracer {
         world_from_index: DAffine3,
         lod: LodChoice,
     ) -> Result<Option<Self>, RenderError> {
-        if self.tight != (lod == LodChoice::Voxels) {
+        if self.boxes.is_tight() != (lod == LodChoice::Voxels) {
             return Ok(None);
         }
         let placement = Placement::of_instance(instance, world_from_index)?;
@@ -132,26 +162,25 @@ impl VolumeTracer {
         let again = Self {
             volume: Arc::clone(&self.volume),
             normals: normals(&placement),
-            level: level_of(&self.bvh, &detail),
+            level: level_of(&self.boxes, &detail),
             detail,
             placement,
             instance,
-            bvh: Arc::clone(&self.bvh),
+            boxes: Arc::clone(&self.boxes),
             bricks: self.bricks.clone(),
             wants_bricks: self.wants_bricks,
-            tight: self.tight,
             cuts: Cuts::default(),
             hidden: self.hidden.clone(),
             widest: self.widest.clone(),
             neighbors: self.neighbors.clone(),
         };
-        Ok(Some(if self.wants_bricks { again.with_bricks() } else { again }))
+        if self.wants_bricks { again.with_bricks().complete().map(Some) } else { Ok(Some(again)) }
     }
 
     /// Size on the heap in bytes of the hierarchy, the bricks, and the neighbours for smooth shading; and of the hierarchy and bricks of
     /// more labels that are kept for when these are shown again.
     pub fn bytes(&self) -> u64 {
-        self.bvh.bytes()
+        self.boxes.bytes()
             + self.brick_bytes()
             + self.neighbors.as_ref().map_or(0, |n| n.bytes())
             + self.widest.as_ref().map_or(0, |w| w.bytes_besides(self))
@@ -162,12 +191,11 @@ impl VolumeTracer {
         self.bricks.as_ref().map_or(0, |b| b.bytes())
     }
 
-    /// Indices of the boxes that are drawn.
-    pub fn drawn(&self) -> Cow<'_, [u32]> {
-        match &self.hidden {
-            None => Cow::Borrowed(self.bvh.items()),
-            Some(_) => self.bvh.items().iter().copied().filter(|&item| !self.is_hidden(item)).collect(),
-        }
+    /// Indices of the boxes that are drawn, rising.
+    pub fn drawn(&self) -> Vec<u32> {
+        let mut items = self.boxes.items(&self.volume);
+        items.retain(|&item| !self.is_hidden(item));
+        items
     }
 
     /// The volume.
@@ -182,12 +210,12 @@ impl VolumeTracer {
 
     /// World bounds of the drawn boxes; `None` where there are none.
     pub(in super::super) fn world_bounds(&self) -> Option<WorldBounds> {
-        self.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
+        self.boxes.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
     }
 
-    /// Identifies the hierarchy: equal for all volumes that share it, and for no other.
+    /// Identifies the boxes: equal for all volumes that share them with their hierarchy, and for no other.
     pub(in super::super) fn hierarchy_address(&self) -> usize {
-        Arc::as_ptr(&self.bvh).addr()
+        Arc::as_ptr(&self.boxes).addr()
     }
 
     /// Levels of detail of its boxes.
@@ -195,13 +223,13 @@ impl VolumeTracer {
         self.detail
     }
 
-    /// Number of boxes in the hierarchy.
+    /// Number of boxes, hidden ones of a hierarchy included.
     pub fn boxes(&self) -> usize {
-        self.bvh.len()
+        self.boxes.len()
     }
 }
 
 /// See [`Detail::everywhere`]; `None` where there are no boxes.
-fn level_of(bvh: &Bvh, detail: &Detail) -> Option<DetailLevel> {
-    bvh.bounds().and_then(|bounds| detail.everywhere(&bounds))
+fn level_of(boxes: &DrawnBoxes, detail: &Detail) -> Option<DetailLevel> {
+    boxes.bounds().and_then(|bounds| detail.everywhere(&bounds))
 }

@@ -1,6 +1,9 @@
-//! The nearest face along a ray, by the hierarchy of boxes or by bricks.
+//! The nearest face along a ray, by bricks or by the hierarchy of boxes.
+//!
+//! Bricks have all labels merged: the first voxel that they find is the nearest of all. Where one label is asked for, they say which boxes
+//! of it are near the ray, and these are walked through as those that the hierarchy finds.
 
-use pumice_transport::geometry::bricks::{BrickPart, Bricks};
+use pumice_transport::geometry::bricks::Bricks;
 use pumice_transport::geometry::bvh::LARGEST_INVERSE;
 use pumice_transport::geometry::each_axis;
 use pumice_transport::geometry::lod::DetailLevel;
@@ -9,7 +12,8 @@ use pumice_transport::{Bvh, BvhRay};
 
 use super::super::IndexRay;
 use super::super::box_walk::{Crossing, Found, Walk};
-use super::super::brick_walk::{InBricks, first_voxel};
+use super::super::brick_walk::{InBricks, first_voxel, for_each_brick_along};
+use super::super::f64x4::Plain;
 use super::super::ray_box_mask::RayBoxMask;
 use super::VolumeTracer;
 
@@ -35,68 +39,53 @@ impl VolumeTracer {
         only: Option<u32>,
         any: bool,
     ) -> Nearest {
-        if let Some(bricks) = self.bricks.as_ref().filter(|_| only.is_none()) {
-            return self.nearest_in_bricks(by, bricks, ray, start, t_max);
+        match (&self.bricks, only) {
+            (Some(bricks), None) => return self.nearest_in_bricks(by, bricks, ray, start, t_max),
+            (Some(bricks), Some(label)) => {
+                return self.nearest_of_label(bricks, ray, start, t_max, label, any);
+            }
+            (None, _) => {}
         }
-        let mut best = Nearest::Nothing;
-        let Some((moved, enter_all)) = bvh_ray(&self.bvh, ray, start, t_max) else { return best };
-        // A hit beyond best_t cannot win; a hit at best_t may, by its label.
-        let mut best_t = t_max;
+        let mut search = Search { best: Nearest::Nothing, best_t: t_max, start, t_max, only, any };
+        let along = self.boxes.hierarchy().and_then(|h| Some((h, bvh_ray(h, ray, start, t_max)?)));
+        let Some((hierarchy, (moved, enter_all))) = along else { return Nearest::Nothing };
         let limit = |t: f64| (t - enter_all) as f32 * 1.000_001 + moved.pad;
-        self.bvh.along_ray(&moved, limit(best_t), |item| {
-            if self.is_hidden(item) {
-                return limit(best_t);
-            }
-            let place = self.volume.place_of_box(item as usize);
-            let hi = clipped_end(place.origin, place.extent, self.volume.info().dims);
-            let (enter, leave) = ray.clip(place.origin, hi, start);
-            if enter >= leave || enter > best_t {
-                return limit(best_t);
-            }
-            let walk = Walk::begin(ray, place.origin, hi, enter);
-            // The content of the box is read only where it matters.
-            let found = match self.detail.level(place.origin, place.extent) {
-                DetailLevel::Boxes => walk.whole_box(ray, enter == start),
-                level => walk.first_solid(ray, &self.volume.box_at(&place), level, enter == start),
-            };
-            match found {
-                Found::Nothing => {}
-                Found::Face(step) if step.t >= t_max || step.t > best_t => {}
-                Found::Inside(_) | Found::Face(_) if only.is_some_and(|l| l != self.label_of(item)) => {}
-                Found::Inside(voxel) => {
-                    let found = self.label_of(item);
-                    if !matches!(best, Nearest::Inside { label, .. } if label <= found) {
-                        best = Nearest::Inside { label: found, voxel };
-                    }
-                    // With `any`, faces are still searched: otherwise the order of the two results would matter.
-                    best_t = if any { best_t } else { start };
-                }
-                Found::Face(step) => {
-                    let wins = match &best {
-                        Nearest::Nothing => true,
-                        Nearest::Inside { .. } => any,
-                        Nearest::Face { step: other, item: other_item, .. } => {
-                            step.t < other.t
-                                || (self.label_of(item), step.voxel)
-                                    < (self.label_of(*other_item), other.voxel)
-                        }
-                    };
-                    if wins {
-                        best_t = step.t;
-                        // (The label is looked up when no nearer hit is possible.)
-                        best = Nearest::Face { step, item, label: u32::MAX };
-                        if any {
-                            return -1.0;
-                        }
-                    }
-                }
-            }
-            limit(best_t)
+        hierarchy.along_ray(&moved, limit(t_max), |item| {
+            let is_enough = !self.is_hidden(item) && search.visit(self, ray, item);
+            if is_enough { -1.0 } else { limit(search.best_t) }
         });
-        if let Nearest::Face { item, label, .. } = &mut best {
-            *label = self.label_of(*item);
+        search.found(self)
+    }
+
+    /// [`VolumeTracer::nearest`] of one label, in bricks.
+    #[cold]
+    #[inline(never)]
+    fn nearest_of_label(
+        &self,
+        bricks: &Bricks,
+        ray: &IndexRay,
+        start: f64,
+        t_max: f64,
+        label: u32,
+        any: bool,
+    ) -> Nearest {
+        if self.hidden.as_ref().is_some_and(|hidden| hidden.get(label as usize).copied().unwrap_or(true)) {
+            return Nearest::Nothing;
         }
-        best
+        let mut search =
+            Search { best: Nearest::Nothing, best_t: t_max, start, t_max, only: Some(label), any };
+        for_each_brick_along(Plain, bricks, ray, start, t_max, |brick| {
+            // (A box that reaches into several bricks is walked through again, with the same result.)
+            let of_label =
+                bricks.items_of(brick).iter().filter(|&&i| bricks.label_of(&self.volume, i) == label);
+            for &item in of_label {
+                if search.visit(self, ray, item) {
+                    return f64::NEG_INFINITY;
+                }
+            }
+            search.best_t
+        });
+        search.found(self)
     }
 
     /// [`VolumeTracer::nearest`] in bricks, which are visited in order: the first result is the nearest.
@@ -112,16 +101,87 @@ impl VolumeTracer {
         let Some(InBricks { found, brick }) = first_voxel(by, bricks, ray, start, t_max) else {
             return Nearest::Nothing;
         };
-        let part_of = |voxel| bricks.part(brick, voxel, |item| self.holds(item, voxel));
+        let box_with = |voxel| bricks.box_with(&self.volume, brick, voxel, |item| self.holds(item, voxel));
+        let label_of = |item| bricks.label_of(&self.volume, item);
         let nearest = match found {
             Found::Nothing => None,
-            Found::Inside(voxel) => part_of(voxel).map(|part| Nearest::Inside { label: part.label, voxel }),
+            Found::Inside(voxel) => {
+                box_with(voxel).map(|item| Nearest::Inside { label: label_of(item), voxel })
+            }
             Found::Face(step) => {
-                let face = |part: BrickPart| Nearest::Face { step, item: part.item, label: part.label };
-                part_of(step.voxel).map(face)
+                box_with(step.voxel).map(|item| Nearest::Face { step, item, label: label_of(item) })
             }
         };
         nearest.unwrap_or(Nearest::Nothing)
+    }
+}
+
+/// A search among boxes that come in any order.
+struct Search {
+    best: Nearest,
+    /// A hit beyond it cannot win; a hit at it may, by its label.
+    best_t: f64,
+    start: f64,
+    t_max: f64,
+    only: Option<u32>,
+    any: bool,
+}
+
+impl Search {
+    /// Walks through a box that is drawn. Returns whether no other box needs to be visited.
+    #[inline(always)]
+    fn visit(&mut self, tracer: &VolumeTracer, ray: &IndexRay, item: u32) -> bool {
+        let Self { start, t_max, only, any, .. } = *self;
+        let place = tracer.volume.place_of_box(item as usize);
+        let hi = clipped_end(place.origin, place.extent, tracer.volume.info().dims);
+        let (enter, leave) = ray.clip(place.origin, hi, start);
+        if enter >= leave || enter > self.best_t {
+            return false;
+        }
+        let walk = Walk::begin(ray, place.origin, hi, enter);
+        // The content of the box is read only where it matters.
+        let found = match tracer.detail.level(place.origin, place.extent) {
+            DetailLevel::Boxes => walk.whole_box(ray, enter == start),
+            level => walk.first_solid(ray, &tracer.volume.box_at(&place), level, enter == start),
+        };
+        match found {
+            Found::Nothing => {}
+            Found::Face(step) if step.t >= t_max || step.t > self.best_t => {}
+            Found::Inside(_) | Found::Face(_) if only.is_some_and(|l| l != tracer.label_of(item)) => {}
+            Found::Inside(voxel) => {
+                let found = tracer.label_of(item);
+                if !matches!(self.best, Nearest::Inside { label, .. } if label <= found) {
+                    self.best = Nearest::Inside { label: found, voxel };
+                }
+                // With `any`, faces are still searched: otherwise the order of the two results would matter.
+                self.best_t = if any { self.best_t } else { start };
+            }
+            Found::Face(step) => {
+                let wins = match &self.best {
+                    Nearest::Nothing => true,
+                    Nearest::Inside { .. } => any,
+                    Nearest::Face { step: other, item: other_item, .. } => {
+                        step.t < other.t
+                            || (tracer.label_of(item), step.voxel)
+                                < (tracer.label_of(*other_item), other.voxel)
+                    }
+                };
+                if wins {
+                    self.best_t = step.t;
+                    // (The label is looked up when no nearer hit is possible.)
+                    self.best = Nearest::Face { step, item, label: u32::MAX };
+                    return any;
+                }
+            }
+        }
+        false
+    }
+
+    fn found(self, tracer: &VolumeTracer) -> Nearest {
+        match self.best {
+            Nearest::Face { step, item, .. } => Nearest::Face { step, item, label: tracer.label_of(item) },
+            other => other,
+        }
     }
 }
 

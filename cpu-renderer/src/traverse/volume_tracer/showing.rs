@@ -1,11 +1,11 @@
 //! The same volume with other labels shown. What was built for many labels serves for fewer of them:
 //!
 //! ```text
-//! shown before   shown now            hierarchy                              bricks
+//! shown before   shown now            boxes                                  bricks
 //! the widest     the same labels      the widest                             the widest
-//! the widest     most of them         the widest; rays skip hidden boxes     copied, but where a hidden box reaches into
-//! the widest     few of them          built of the few; the widest is kept   built of the few
-//! any            others               built, and the widest from now on      built
+//! the widest     most of them         the widest; hidden ones are skipped    copied, but where a hidden box reaches into
+//! the widest     few of them          of the few; the widest are kept        built of the few
+//! any            others               of these, the widest from now on       built
 //! ```
 //! Every way draws the same picture, bit by bit.
 
@@ -32,12 +32,12 @@ impl Widest {
     /// Size on the heap in bytes of what `drawn` does not use itself.
     pub(super) fn bytes_besides(&self, drawn: &VolumeTracer) -> u64 {
         let Self { tracer, .. } = self;
-        let bvh = if Arc::ptr_eq(&tracer.bvh, &drawn.bvh) { 0 } else { tracer.bvh.bytes() };
+        let boxes = if Arc::ptr_eq(&tracer.boxes, &drawn.boxes) { 0 } else { tracer.boxes.bytes() };
         let shares_bricks = match (&tracer.bricks, &drawn.bricks) {
             (Some(a), Some(b)) => Arc::ptr_eq(a, b),
             _ => false,
         };
-        bvh + if shares_bricks { 0 } else { tracer.brick_bytes() }
+        boxes + if shares_bricks { 0 } else { tracer.brick_bytes() }
     }
 
     fn covers(&self, visible: &[bool]) -> bool {
@@ -46,7 +46,7 @@ impl Widest {
 }
 
 impl VolumeTracer {
-    /// The tracer of another choice of labels, with flat voxels and without cuts; and whether a hierarchy was built for it. `before` are
+    /// The tracer of another choice of labels, with flat voxels and without cuts; and whether boxes were gathered for it. `before` are
     /// the labels that `self` draws.
     ///
     /// # Errors
@@ -69,7 +69,7 @@ impl VolumeTracer {
             return built(instance, traced, None);
         }
         let shown = count_visible(&self.volume, visible);
-        if shown.saturating_mul(MASKED_BOXES_A_SHOWN_ONE) < widest.tracer.bvh.len() as u64 {
+        if shown.saturating_mul(MASKED_BOXES_A_SHOWN_ONE) < widest.tracer.boxes.len() as u64 {
             return built(instance, traced, Some(Arc::new(widest)));
         }
         if widest.labels == *visible {
@@ -79,7 +79,8 @@ impl VolumeTracer {
         let wide = widest.tracer.clone();
         let bricks = wide.bricks.as_ref().and_then(|bricks| bricks.without(&self.volume, &hidden));
         let widest = Some(Arc::new(widest));
-        Ok((Self { bricks: bricks.map(Arc::new), hidden: Some(hidden), widest, ..wide }, false))
+        let shown = Self { bricks: bricks.map(Arc::new), hidden: Some(hidden), widest, ..wide };
+        Ok((shown.complete()?, false))
     }
 }
 
@@ -88,6 +89,5 @@ fn built(
     traced: &TracedInstance,
     widest: Option<Arc<Widest>>,
 ) -> Result<(VolumeTracer, bool), RenderError> {
-    let built = VolumeTracer::new(instance, traced)?.with_bricks();
-    Ok((VolumeTracer { widest, ..built }, true))
+    Ok((VolumeTracer { widest, ..VolumeTracer::in_bricks(instance, traced)? }, true))
 }

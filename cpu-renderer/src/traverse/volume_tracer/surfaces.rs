@@ -91,13 +91,26 @@ impl VolumeTracer {
     /// The box of `label` that has an element at `voxel`.
     pub(super) fn item_with(&self, label: u32, voxel: [u32; 3]) -> Option<u32> {
         let mut found = None;
-        self.bvh.at_voxel(voxel, |item| {
+        self.for_each_box_near(voxel, |item| {
             if self.holds(item, voxel) && self.label_of(item) == label {
                 found = Some(item);
             }
             found.is_none()
         });
         found
+    }
+
+    /// Calls `visit` with the boxes that may hold `voxel`, until it returns false. No box that holds the voxel is left out.
+    pub(super) fn for_each_box_near(&self, voxel: [u32; 3], mut visit: impl FnMut(u32) -> bool) {
+        match (&self.bricks, self.boxes.hierarchy()) {
+            (Some(bricks), _) => {
+                if let Some(brick) = bricks.brick_with(voxel) {
+                    bricks.boxes_near(brick, voxel).all(visit);
+                }
+            }
+            (None, Some(hierarchy)) => hierarchy.at_voxel(voxel, &mut visit),
+            (None, None) => {}
+        }
     }
 
     pub(super) fn holds(&self, item: u32, voxel: [u32; 3]) -> bool {
