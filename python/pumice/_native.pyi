@@ -241,13 +241,13 @@ class Picture:
         """
         Cryptomatte passes, by name: (height, width, ranks, 2) of ids and coverages, and the hash of each name in the picture.
         """
-    def normal(self, /) -> Array | None:
-        """
-        Normal of the first surface.
-        """
     def noisy(self, /) -> Array | None:
         """
         The mean of the samples, where the colour is denoised.
+        """
+    def normal(self, /) -> Array | None:
+        """
+        Normal of the first surface.
         """
     def paths(self, /) -> list[tuple[str, Path]]:
         """
@@ -271,7 +271,7 @@ class Picture:
         """
     def variance(self, /) -> Array | None:
         """
-        Variance of the mean of the samples, per channel; `None` with less than one sample per independent replicate.
+        Variance of the mean of the samples, per channel; `None` with less than one sample for each of four classes.
         """
 
 @final

@@ -77,17 +77,16 @@ pub fn radiance(
 
         let odds = lights.odds(&receiver);
         let [u, v, which] = sampler.bounce(vertex, BounceSet::Light);
-        if lights.samples_lights() {
-            if let Some(light) = lights.sample_light(&receiver, &odds, which, [u, v], || [0.5; 3])
-                && light.direction.dot(normal) > 0.0
-            {
-                let (f_cos, pdf) = bsdf.eval(local(light.direction));
-                let weight = lights.light_mis_weight(light.pdf, pdf * told_in_weights) * aimed;
-                let add = throughput * f_cos * light.radiance_over_pdf * weight;
-                let shadow_ray = RayInWorld { origin, direction: light.direction };
-                if add.max_element() > 0.0 && !tracer.occluded(&shadow_ray, from, f64::INFINITY) {
-                    total += add;
-                }
+        if lights.samples_lights()
+            && let Some(light) = lights.sample_light(&receiver, &odds, which, [u, v], || [0.5; 3])
+            && light.direction.dot(normal) > 0.0
+        {
+            let (f_cos, pdf) = bsdf.eval(local(light.direction));
+            let weight = lights.light_mis_weight(light.pdf, pdf * told_in_weights) * aimed;
+            let add = throughput * f_cos * light.radiance_over_pdf * weight;
+            let shadow_ray = RayInWorld { origin, direction: light.direction };
+            if add.max_element() > 0.0 && !tracer.occluded(&shadow_ray, from, f64::INFINITY) {
+                total += add;
             }
         }
 

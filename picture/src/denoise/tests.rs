@@ -39,8 +39,7 @@ impl Truth<'_> {
         for i in 0..PIXELS {
             let light = (self.light)(i % SIDE, i / SIDE);
             let of = |random: &mut Random| {
-                let all: [f32; CLASSES] =
-                    std::array::from_fn(|_| light + self.deviation * random.normal());
+                let all: [f32; CLASSES] = std::array::from_fn(|_| light + self.deviation * random.normal());
                 let n = CLASSES as f32;
                 let mean = all.iter().sum::<f32>() / n;
                 let squares: f32 = all.iter().map(|v| (v - mean) * (v - mean)).sum();

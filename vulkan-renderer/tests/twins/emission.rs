@@ -209,8 +209,10 @@ fn emitters_are_the_same() {
         close(got, expected, 2e-4, "density of what is met");
         let odds = lights.odds(from);
         close(r.float(), lights.emission_weight(&tracer, from, &odds, &hit, hit.t, choice), 1e-3, "weight");
-        let aimed =
-            lights.sample_light(from, &odds, choice, [c, d], || [a, b, 0.0]).and_then(|s| s.pdf).unwrap_or(0.0);
+        let aimed = lights
+            .sample_light(from, &odds, choice, [c, d], || [a, b, 0.0])
+            .and_then(|s| s.pdf)
+            .unwrap_or(0.0);
         let got = r.float();
         parted += usize::from((got - aimed).abs() > 1e-3 * aimed);
     }
