@@ -45,14 +45,14 @@ mod tests {
     use super::*;
     use pumice_picture::{Image, Picture};
 
-    /// Four pixels of one label, with noise that explains how they differ.
+    /// Three pixels of one label, with noise that explains how they differ.
     fn rendered() -> Rendered {
-        let same = |value: [f32; 3]| Some(Image::new(4, 1, vec![value; 4]));
-        let color = Image::new(4, 1, [1.0, 3.0, 2.0, 2.0].map(|v| [v; 3]).to_vec());
+        let same = |value: [f32; 3]| Some(Image::new(3, 1, vec![value; 3]));
+        let color = Image::new(3, 1, [1.0, 3.0, 2.0].map(|v| [v; 3]).to_vec());
         Rendered::of_file(Picture {
             variance: same([1.0; 3]),
-            depth: Some(vec![1.0; 4]),
-            label: Some(vec![5; 4]),
+            depth: Some(vec![1.0; 3]),
+            label: Some(vec![5; 3]),
             albedo: same([0.5; 3]),
             normal: same([0.0, 0.0, 1.0]),
             ..Picture::of(color)
@@ -64,7 +64,7 @@ mod tests {
         let (raw, mut smooth) = (rendered(), rendered());
         smooth.denoise().unwrap();
         assert_eq!(smooth.picture.noisy, Some(raw.picture.color.clone()));
-        // All four lie within each other's windows, and none differs significantly: each becomes their mean.
+        // All three lie within each other's windows, and none differs significantly: each becomes their mean.
         assert!(
             smooth.picture.color.pixels.iter().flatten().all(|v| (v - 2.0).abs() < 1e-5),
             "{:?}",

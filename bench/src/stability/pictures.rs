@@ -140,6 +140,15 @@ pub(super) fn mean_off(pixels: &[[f32; 3]], expected: f64) -> f64 {
     mean(pixels) / expected - 1.0
 }
 
+/// By how much the mean of a grey picture exceeds the expected value beyond four standard errors of it, relative; 0 where it does not. The
+/// standard error is that of the pixels' spread: rare bright samples raise it with the mean.
+pub(super) fn surely_gained(pixels: &[[f32; 3]], expected: f64) -> f64 {
+    let (n, middle) = (pixels.len() as f64, mean(pixels));
+    let squares: f64 = pixels.iter().map(|p| (f64::from(p[0]) - middle).powi(2)).sum();
+    let standard_error = (squares / (n * (n - 1.0))).sqrt();
+    ((middle - 4.0 * standard_error) / expected - 1.0).max(0.0)
+}
+
 pub(super) fn mean(pixels: &[[f32; 3]]) -> f64 {
     pixels.iter().flatten().map(|&v| f64::from(v)).sum::<f64>() / (3 * pixels.len()).max(1) as f64
 }
@@ -156,6 +165,15 @@ mod tests {
     use pumice_session::savings::ROUNDING;
 
     use super::*;
+
+    /// Ten pixels of mean 1 and standard error 0.1 / 3 gain nothing, and 0.2 less four of these errors if each is 0.2 brighter.
+    #[test]
+    fn what_is_surely_gained_leaves_four_standard_errors() {
+        let pixels: Vec<_> = (0..10).map(|i| [if i % 2 == 0 { 0.9 } else { 1.1 }; 3]).collect();
+        assert_eq!(surely_gained(&pixels, 1.0), 0.0);
+        let brighter: Vec<_> = pixels.iter().map(|p| p.map(|v| v + 0.2)).collect();
+        assert!((surely_gained(&brighter, 1.0) - (0.2 - 0.4 / 3.0)).abs() < 1e-6);
+    }
 
     /// Controls: the comparison finds another seed, an albedo that is 2 % off, and fewer bounces.
     #[test]

@@ -10,15 +10,16 @@
 //! noise        1, or the pixel's variance over the mean of both where the neighbour is noisier, the least of the channels
 //! ```
 //! The test is what keeps shadows, reflections and all else that no surface tells: as samples are added, it tells apart what differs,
-//! and the picture converges to the mean of its samples. The last weight keeps a noisy highlight out of the dark pixels beside it: the test cannot
-//! tell them apart for a long time, and such highlights left up to 2.8 times the error of the unfiltered picture. With fewer samples than classes (four) no variance is known; then everything may
-//! be equal, and label and surface decide alone.
+//! and the picture converges to the mean of its samples. The last weight keeps a noisy highlight out of the dark pixels beside it: the test
+//! cannot tell them apart for a long time, and such highlights left up to 2.8 times the error of the unfiltered picture. With fewer samples
+//! than classes (four) no variance is known; then everything may be equal, and label and surface decide alone.
 //!
 //! Light is divided by the base colour before, and multiplied by that of its own pixel after. Within a label the base colour is one and
 //! the same, so this changes nothing on pure pixels, and carries over light between pixels that an edge mixes differently.
 //!
 //! What shows no surface stays as it is, and so does what is not finite. The window is read from the noisy picture in the same order for
-//! every pixel, so the result is the same for any number of threads. It runs on the processor, whatever drew the picture: the film is there.
+//! every pixel, so the result is the same for any number of threads. It runs on the processor, whatever drew the picture: the film is
+//! there.
 //!
 //! The filter asks of the film a mean and its variance for each pixel, with the variance's degrees of freedom, and nothing else: see
 //! [`Variance`].
