@@ -91,7 +91,6 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("picture/src/sample_pictures.rs", "pictures for tests of files"),
     ("picture/src/image.rs", "pictures on the host"),
     ("picture/src/picture.rs", "pictures on the host"),
-    ("picture/src/preview.rs", "filters live pictures on the host"),
     ("picture/src/resting.rs", "the host decides which pixels rest, and sends a word for each"),
     ("picture/src/passes.rs", "which sums are kept, and the passes that the host computes from them"),
     ("picture/src/film_memory.rs", "how much memory a film takes on the host"),
@@ -417,6 +416,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     (
         "picture/src/film.rs",
         &[
+            ("variance_known", SHOWN),
             ("FilmBuffer::new", READY),
             ("FilmBuffer::with_passes", READY),
             ("FilmBuffer::kept", READ),
