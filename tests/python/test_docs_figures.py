@@ -52,7 +52,7 @@ def shares():
     with (ROOT / "bench/results/sizes.csv").open() as file:
         rows = list(csv.DictReader(file))
     assert len(rows) == 5
-    columns = (("together", "acceleration bytes"), ("disk, small",))
+    columns = (("together", "brick bytes", "acceleration bytes"), ("disk, small",))
     return [[100 * sum(int(row[c].split()[0]) for c in column) / (4 * int(row["voxels"])) for row in rows] for column in columns]
 
 
