@@ -79,7 +79,7 @@ pub(crate) struct Flags {
 /// What a picture went through.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Through {
-    /// Nothing.
+    /// No filter: the mean of the samples.
     Nothing,
     /// Pumice's denoiser.
     Pumice,

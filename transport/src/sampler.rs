@@ -343,7 +343,7 @@ mod tests {
                     assert!(boxes_hit_once(&of_class[..n]), "{seed} {bounce}: {n} of class {class}");
                 }
             }
-            // Negative control: every fourth point of another order of the classes has no such order.
+            // Negative control: every third point, which are of all classes, has no such order.
             let other: Vec<_> = all.iter().skip(1).step_by(3).copied().take(256).collect();
             assert!(!boxes_hit_once(&other));
         }
@@ -351,6 +351,29 @@ mod tests {
         let random: Vec<_> =
             (0..256).map(|i| [3 * i + 1, 3 * i + 2, 3 * i + 3].map(|word| unit(mix(word) as u32))).collect();
         assert!(!boxes_hit_once(&random) && !third_is_stratified(&random));
+    }
+
+    /// The first 256 points have four in each of 4 × 4 × 4 boxes: these dimensions of the Sobol sequence have t ≤ 2, the sum of their
+    /// polynomials' degrees less one (Niederreiter 1992, theorem 4.49), and 2 + 2 + 2 digits are 8 − t.
+    #[test]
+    fn the_three_numbers_of_a_set_are_stratified_together() {
+        let in_box = |p: [f32; 3]| p.map(|v| (4.0 * v) as usize).iter().fold(0, |all, i| 4 * all + i);
+        let counts = |points: &mut dyn Iterator<Item = [f32; 3]>| {
+            points.fold([0; 64], |mut counts, p| {
+                counts[in_box(p)] += 1;
+                counts
+            })
+        };
+        for (seed, bounce) in (0..20).flat_map(|seed| [(seed, 0), (seed, 5)]) {
+            let point = |i| PixelSampler::new(seed, [3, 9], i).bounce(bounce, BounceSet::Light);
+            assert_eq!(counts(&mut (0..256).map(point)), [4; 64], "{seed} {bounce}");
+        }
+        // Negative control: with the second number twice, most boxes are empty.
+        let twice = |i| {
+            let [u, v, _] = PixelSampler::new(1, [3, 9], i).bounce(0, BounceSet::Light);
+            [u, v, v]
+        };
+        assert_ne!(counts(&mut (0..256).map(twice)), [4; 64]);
     }
 
     /// Pixels and dimensions are uncorrelated: the correlation over 4,096 pixels is within 5 σ = 5/√4096. (Neighbours are correlated in
