@@ -57,7 +57,11 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     let mut rows = Vec::new();
     for volume in &flags.table.volumes {
         for backend in usable_unless(&flags.backends) {
-            rows.push(measure_backend(volume, &backend, flags.size, flags.labels, job)?);
+            let named = format!("{}, {backend}: ", file_name(volume));
+            let row = console.watch(&named, |said| {
+                measure_backend(volume, &backend, flags.size, flags.labels, job, said)
+            })?;
+            rows.push(row);
         }
     }
     for row in &rows {
@@ -108,6 +112,9 @@ pub struct BackendSpeed {
 
 /// Measures one backend on a figure of the `labels` longest labels of a volume, or of all labels if that is 0.
 ///
+/// `said` gets a line before and after the frames of each kind, so that it is known in which a device hangs. The first frame's time
+/// includes compiling, unless the driver kept the result of an earlier run.
+///
 /// # Errors
 /// Errors of opening and rendering; the job's cancellation.
 pub fn measure_backend(
@@ -116,6 +123,7 @@ pub fn measure_backend(
     size: [u32; 2],
     labels: usize,
     job: &Job,
+    said: &mut dyn FnMut(&str),
 ) -> Result<BackendSpeed> {
     let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
     let labels = (labels > 0).then(|| select_labels(&volume, labels));
@@ -124,18 +132,24 @@ pub fn measure_backend(
     let mut renderer = make_renderer(backend)?;
 
     let pixels = f64::from(size[0]) * f64::from(size[1]);
-    let primary = frame(&mut renderer, &dark(&scene, 0.0), &volume, job)?;
-    let both = frame(&mut renderer, &dark(&scene, 0.8), &volume, job)?;
+    let mut timed = |renderer: &mut dyn Renderer, what: &str, scene: &Scene| -> Result<Took> {
+        said(what);
+        let [first, best] = frame(renderer, scene, &volume, job)?;
+        said(&format!("{what}: {:.3} s the first frame, then {:.4} s", first.seconds, best.seconds));
+        Ok(best)
+    };
+    let primary = timed(&mut renderer, "primary rays", &dark(&scene, 0.0))?;
+    let both = timed(&mut renderer, "and diffuse rays", &dark(&scene, 0.8))?;
     let hits = renderer.picture()?.label.iter().flatten().filter(|&&l| l != 0).count() as f64;
     let device = renderer.device().to_owned();
 
     let mut frames = [[Took::default(); 2]; 3];
-    for (frames, (_, lod)) in frames.iter_mut().zip(LEVELS) {
+    for (frames, (level, lod)) in frames.iter_mut().zip(LEVELS) {
         for (took, bounces) in frames.iter_mut().zip(BOUNCES) {
             let mut lit = scene.clone();
             lit.settings.lod = lod;
             lit.settings.bounces = bounces;
-            *took = frame(&mut renderer, &lit, &volume, job)?;
+            *took = timed(&mut renderer, &format!("{level}, {bounces} bounces"), &lit)?;
         }
     }
     renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![])?)?;
@@ -177,25 +191,28 @@ fn dark(scene: &Scene, albedo: f32) -> Scene {
     dark
 }
 
-/// Time of one sample per pixel, the least of several frames.
+/// Times of one sample per pixel: of the first frame, and the least of several later ones.
 fn frame(
     renderer: &mut dyn Renderer,
     scene: &Scene,
     volume: &Arc<CompressedVolume>,
     job: &Job,
-) -> Result<Took> {
+) -> Result<[Took; 2]> {
     renderer.set_scene(&LoadedScene::new(scene.clone(), vec![Arc::clone(volume)], vec![])?)?;
+    let mut first = Took::default();
     let mut best = Took { seconds: f64::INFINITY, cpu_seconds: f64::INFINITY };
     for number in 0..=FRAMES {
         let ((), took) = clocked(|| {
             renderer.advance(Duration::ZERO, number + 1, job)?;
             Ok(())
         })?;
-        if number > 0 {
+        if number == 0 {
+            first = took;
+        } else {
             best = best.least(took);
         }
     }
-    Ok(best)
+    Ok([first, best])
 }
 
 impl Row for BackendSpeed {

@@ -97,7 +97,8 @@ static OTHERS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 fn fronts() -> Shared<Vec<Front>> {
     let made = || {
         let [rays, queries] = [(Backend::RayPipeline, true), (Backend::RayQuery, true)];
-        let others = [rays, queries, rays, queries, rays, queries, rays, (Backend::Compute, false)];
+        let mut others = vec![rays, queries, rays, queries, rays, queries, rays, (Backend::Compute, false)];
+        others.retain(|(backend, _)| gpu::backends().contains(backend));
         let wanted = std::iter::once((Backend::Compute, true)).chain(of_today(&others));
         let mut different: Vec<(Backend, bool)> = Vec::new();
         for (backend, native) in wanted.map(|(b, native)| (b, native && Gpu::of(b).has_f64)) {
@@ -113,7 +114,7 @@ fn fronts() -> Shared<Vec<Front>> {
 /// Emulated doubles on hardware backends whose device has native doubles.
 fn others() -> Shared<Vec<Front>> {
     let made = || {
-        let hardware = [Backend::RayPipeline, Backend::RayQuery].into_iter();
+        let hardware = gpu::hardware_backends().into_iter();
         hardware.filter(|&b| Gpu::of(b).has_f64).map(|b| Front::new(b, false)).collect()
     };
     Shared::take(&OTHERS, made, |fronts| fronts.iter().map(|f| &f.gpu).collect())

@@ -189,6 +189,19 @@ impl Drop for Gpu {
     }
 }
 
+/// The backends that are tested: all, or those that `PUMICE_TEST_BACKENDS` names (`vulkan-rt,vulkan-compute`) for a device that lacks one.
+pub(crate) fn backends() -> Vec<Backend> {
+    let Ok(named) = std::env::var("PUMICE_TEST_BACKENDS") else { return Backend::ALL.to_vec() };
+    let of =
+        |name| Backend::from_name(name).unwrap_or_else(|| panic!("PUMICE_TEST_BACKENDS: no backend {name}"));
+    named.split(',').map(of).collect()
+}
+
+/// Those of [`backends`] that trace rays by hardware.
+pub(crate) fn hardware_backends() -> Vec<Backend> {
+    backends().into_iter().filter(|b| b.uses_hardware_hierarchy()).collect()
+}
+
 /// Chooses one of several equivalent things. `PUMICE_TEST_SHARE` (`K/N`) selects it and changes daily; `full` selects all, and without the
 /// variable it is the first. The shaders of each backend take a minute or more to compile for a CPU.
 pub(crate) fn of_today<T: Clone>(things: &[T]) -> Vec<T> {

@@ -13,7 +13,7 @@ use pumice_vulkan::pack::{self, PackedEmitters, PackedMaterials, PackedSky};
 use pumice_vulkan::program::Program;
 
 use crate::gpu::scene::{Form, Uploaded};
-use crate::gpu::{Gpu, of_today};
+use crate::gpu::{Gpu, backends, of_today};
 use crate::scenes::Case;
 
 /// A scene on a device. It must be kept as long as its address is used.
@@ -93,7 +93,9 @@ impl Front {
     /// day in eight.
     pub(crate) fn of_today(entry: &str) -> Vec<Self> {
         let [rays, queries] = [Some(Backend::RayPipeline), Some(Backend::RayQuery)];
-        let hardware = of_today(&[rays, None, None, None, queries, None, None, None]);
+        let mut hardware = vec![rays, None, None, None, queries, None, None, None];
+        hardware.retain(|backend| backend.is_none_or(|b| backends().contains(&b)));
+        let hardware = of_today(&hardware);
         let backends = hardware.into_iter().flatten().chain([Backend::Compute]);
         backends.map(|backend| Self::of(entry, backend, true, &[])).collect()
     }

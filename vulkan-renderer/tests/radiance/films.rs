@@ -11,6 +11,7 @@ use pumice_vulkan::device::Backend;
 use pumice_vulkan::pack::ShaderNeeds;
 
 use crate::device::Front;
+use crate::gpu::hardware_backends;
 use crate::paths;
 use crate::samples::{asked, found, tolerance};
 use crate::scenes::{Case, cases};
@@ -212,8 +213,8 @@ fn first_surfaces_are_the_cpus() {
 #[test]
 #[ignore = "full: first surfaces on the other backends and with doubles in integers, each compiled for a CPU"]
 fn first_surfaces_are_alike_everywhere() {
-    let native = [Backend::RayPipeline, Backend::RayQuery].map(|backend| (backend, true));
-    let fronts = native.into_iter().chain([(Backend::Compute, false)]);
+    let native = hardware_backends().into_iter().map(|backend| (backend, true));
+    let fronts = native.chain([(Backend::Compute, false)]);
     let of = |(backend, native)| Front::of("first", backend, native, &of_first_surfaces());
     check_first_surfaces(&fronts.map(of).collect::<Vec<_>>());
 }
@@ -238,7 +239,10 @@ fn check_first_surfaces(fronts: &[Front]) {
                 assert_eq!(first.depth.to_bits(), depth[i].to_bits(), "{}", what());
                 assert_eq!(first.label, label[i], "{}", what());
                 assert_eq!(first.albedo, albedo.pixels[i], "{}", what());
-                assert_eq!(first.normal, normal.pixels[i], "{}", what());
+                // Normals of meshes are blended in floats, which a device may fuse, and divide with an error of 2.5 units.
+                let off = (0..3).map(|a| (first.normal[a] - normal.pixels[i][a]).abs()).fold(0.0, f32::max);
+                let limit = if case.name.contains("smooth meshes") { 2f32.powi(-18) } else { 0.0 };
+                assert!(off <= limit, "{}: normal {:?}", what(), normal.pixels[i]);
                 assert_eq!(first.position, position.pixels[i], "{}", what());
                 hits += usize::from(first.label != 0);
             }
