@@ -71,8 +71,9 @@ def test_a_device_is_listed_with_each_backend(pumice):
         assert not d["chosen"] and "computes on the CPU: auto prefers our own CPU path tracer" in d["reason"]
         assert d["usable"] and d["driver"].startswith("Vulkan 1.")
     for d in listed:
-        # Devices that nobody has tried say so. The CPU and software devices have been tried.
-        tried = d["kind"] in ("software", "cpu") or not d["usable"]
+        # Devices that nobody has tried say so. The CPU, software devices, and two backends on a card of NVIDIA's have been tried.
+        on_nvidia = "NVIDIA" in d["device"] and d["backend"] != "vulkan-query"
+        tried = d["kind"] in ("software", "cpu") or not d["usable"] or on_nvidia
         assert ("not yet run on hardware" in d["reason"]) != tried, d
     # Without a graphics processor the CPU is chosen.
     if all(d["kind"] in ("software", "cpu") for d in listed):
@@ -123,7 +124,14 @@ def test_every_backend_draws_the_picture_of_the_cpu(pumice, volume, tmp_path, ba
     # Ray tracing finds bricks through a hierarchy; compute shaders need none.
     assert parts["bricks"] > 0 and (parts["acceleration"] > 0) == (backend != "vulkan-compute"), parts
     assert parts["acceleration"] == report["acceleration_bytes"]
-    assert [p.suffix for p in (tmp_path / "cache" / "pipelines").iterdir()] == [".pipelines"]
+    [kept] = (tmp_path / "cache" / "pipelines").iterdir()
+    assert kept.suffix == ".pipelines"
+    if backend == "vulkan-compute":
+        # Whoever names a backend that did not come back has it tried again, and the marks removed.
+        for kind in ("1-0.unfinished", "2-0.unfinished", "3-0.hung"):
+            kept.with_suffix(f".{backend}.{kind}").touch()
+        picture(pumice, volume, tmp_path / "again.exr", f"{backend}:{number}", "--spp", 1, env=cache)
+        assert list(kept.parent.iterdir()) == [kept]
     # With another seed, the two pictures are independent estimates and may differ only by chance.
     picture(pumice, volume, cpu, "cpu", "--spp", 32, "--seed", 2)
     found = chance(pumice, gpu, cpu, tmp_path)

@@ -50,7 +50,8 @@ impl DeviceContext {
         let place = match known {
             Some(place) => place,
             None => {
-                self.programs.push((entry, constants.to_vec(), program(&self.gpu, entry, constants)?));
+                let made = self.gpu.compiling(|| program(&self.gpu, entry, constants))?;
+                self.programs.push((entry, constants.to_vec(), made));
                 self.gpu.save_pipelines();
                 self.programs.len() - 1
             }

@@ -2,8 +2,8 @@
 //!
 //! **Failures.** Each failure of the device is handled once. Where memory was short, everything that can be made again is freed and
 //! launches become smaller. Where the device was lost, it is opened again, the scene is sent again and the samples of the host's copy are
-//! restored. A second failure without a success in between is [`RenderError::Device`]: another backend may take over with the scene and the
-//! volumes, which the host still holds.
+//! restored. A hang, and a second failure without a success in between, is [`RenderError::Device`]: another backend may take over with the
+//! scene and the volumes, which the host still holds.
 
 use std::path::PathBuf;
 use std::time::{Duration, Instant};
@@ -88,7 +88,7 @@ impl VulkanRenderer {
 
     /// Handles a failure: brings device and scene into a state from which the work can be tried again.
     fn overcome(&mut self, error: &DeviceError) -> Result<(), RenderError> {
-        if self.failed {
+        if self.failed || self.machine.gpu.is_hung() {
             return Err(self.given_up(error));
         }
         self.failed = true;

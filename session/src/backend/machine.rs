@@ -5,9 +5,8 @@ use std::sync::OnceLock;
 
 use pumice_transport::{RenderError, Renderer};
 use pumice_vulkan::VulkanRenderer;
-use pumice_vulkan::device::{Backend, Candidate, DeviceError, Instance, InstanceOptions, survey};
+use pumice_vulkan::device::{Backend, Candidate, DeviceError, Instance, InstanceOptions, survey, unfinished};
 
-use super::cache_folder::pipeline_folder;
 use super::card::Card;
 use super::read_environment;
 
@@ -53,12 +52,35 @@ pub(super) fn cards() -> Result<Vec<Card>, String> {
     Ok(vulkan()?.candidates.iter().map(Card::of).collect())
 }
 
-/// Opens the device with this number.
-pub(super) fn open(number: usize, backend: Backend) -> Result<Box<dyn Renderer>, RenderError> {
+/// Whether a backend is tried that did not come back from an earlier start.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) enum Trust {
+    /// The user named it, so it is tried, and what was known against it is forgotten.
+    Named,
+    /// `auto` came to it, so it is not tried.
+    Auto,
+}
+
+/// Opens the device with this number. `folder` keeps what the driver compiles, and what did not come back.
+pub(super) fn open(
+    number: usize,
+    backend: Backend,
+    folder: Option<PathBuf>,
+    trust: Trust,
+) -> Result<Box<dyn Renderer>, RenderError> {
     let failed = |e: &dyn std::fmt::Display| RenderError::Device(e.to_string());
     let vulkan = vulkan().map_err(|e| failed(&e))?;
     let candidate = vulkan.candidates.get(number).ok_or_else(|| failed(&"the device is gone"))?;
-    let renderer =
-        VulkanRenderer::open(&vulkan.instance, candidate, backend, pipeline_folder(), read_environment);
+    if let Some(folder) = &folder {
+        let left = unfinished(&vulkan.instance, candidate, backend, folder);
+        match (left.why(), trust) {
+            (Some(why), Trust::Auto) => {
+                return Err(failed(&format!("{why}; name the backend to try it again")));
+            }
+            (Some(_), Trust::Named) => left.forget(),
+            (None, _) => {}
+        }
+    }
+    let renderer = VulkanRenderer::open(&vulkan.instance, candidate, backend, folder, read_environment);
     Ok(Box::new(renderer.map_err(|e| failed(&e))?))
 }

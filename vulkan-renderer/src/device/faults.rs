@@ -11,6 +11,8 @@ pub enum InjectedFault {
     Allocation,
     /// A submission fails: device lost.
     Submission,
+    /// A submission does not end: the wait for it times out.
+    Hang,
 }
 
 /// Failures that are still to come.
@@ -18,6 +20,7 @@ pub enum InjectedFault {
 pub(super) struct Faults {
     allocation: Due,
     submission: Due,
+    hang: Due,
 }
 
 #[derive(Debug, Default)]
@@ -55,6 +58,7 @@ impl Faults {
         match (fails, fault) {
             (true, InjectedFault::Allocation) => Err(vk::Result::ERROR_OUT_OF_DEVICE_MEMORY),
             (true, InjectedFault::Submission) => Err(vk::Result::ERROR_DEVICE_LOST),
+            (true, InjectedFault::Hang) => Err(vk::Result::TIMEOUT),
             (false, _) => result,
         }
     }
@@ -63,6 +67,7 @@ impl Faults {
         match fault {
             InjectedFault::Allocation => &self.allocation,
             InjectedFault::Submission => &self.submission,
+            InjectedFault::Hang => &self.hang,
         }
     }
 }

@@ -11,11 +11,12 @@ use super::faults::{Faults, InjectedFault};
 use super::float_modes::FloatModes;
 use super::pipeline_cache::PipelineCache;
 use super::survey::compute_family;
+use super::unfinished::{Compiling, mark_hang};
 use super::{Backend, Candidate, DeviceError, DeviceKind, Instance};
 
-/// A launch that takes longer than this counts as a lost device. It is more than a thousand times what a slice may take and many times the
-/// build time of the largest hierarchy, and still a bearable wait.
-const SILENCE: Duration = Duration::from_secs(120);
+/// A launch that takes longer than this counts as a lost device. It is hundreds of times what a slice may take and many times the build time
+/// of the largest hierarchy, and still a bearable wait.
+const SILENCE: Duration = Duration::from_secs(30);
 
 /// The same for a software driver (one that computes on the CPU). Such a driver compiles during the first launch of a pipeline, which takes
 /// minutes where doubles are emulated with integers and the machine is busy, and it blocks no screen.
@@ -206,6 +207,11 @@ impl Gpu {
         self.inner.lost.load(Ordering::Relaxed)
     }
 
+    /// Whether it was lost because a launch did not end. The next would not end either.
+    pub fn is_hung(&self) -> bool {
+        self.inner.hung.load(Ordering::Relaxed)
+    }
+
     /// Bytes of device memory that are allocated.
     pub fn allocated_bytes(&self) -> u64 {
         self.inner.allocated.load(Ordering::Relaxed)
@@ -220,6 +226,19 @@ impl Gpu {
     /// Writes the driver's compiled pipelines to the cache folder, if there is one. Failure to write is ignored.
     pub fn save_pipelines(&self) {
         self.inner.cache.save(&self.inner.calls);
+    }
+
+    /// Runs `compile`, which has the driver compile shaders. A file in the cache folder marks that, for the case that the process does not
+    /// live to its end ([`super::unfinished`]).
+    pub(crate) fn compiling<T>(
+        &self,
+        compile: impl FnOnce() -> Result<T, DeviceError>,
+    ) -> Result<T, DeviceError> {
+        let (pipelines, backend) = (self.inner.cache.file.as_deref(), self.inner.backend);
+        let mark = Compiling::begin(pipelines, backend);
+        let made = compile()?;
+        mark.succeed(pipelines, backend);
+        Ok(made)
     }
 
     /// Records commands, runs them and waits for their end. Returns how long that took. The results of all earlier work are visible to the
@@ -276,9 +295,11 @@ impl Gpu {
         let silence = if software { SOFTWARE_SILENCE } else { SILENCE };
         // SAFETY: the fence was just submitted.
         let waited = unsafe { calls.wait_for_fences(&fences, true, silence.as_nanos() as u64) };
+        let waited = inner.faults.instead(InjectedFault::Hang, waited);
         // However the wait failed, the launch may still be running. Only a lost device guarantees that it has ended.
         if waited.is_err_and(|e| e != vk::Result::ERROR_DEVICE_LOST) {
             inner.hung.store(true, Ordering::Relaxed);
+            mark_hang(inner.cache.file.as_deref(), inner.backend);
             inner.lost.store(true, Ordering::Relaxed);
             return Err(DeviceError::Lost(during));
         }

@@ -32,6 +32,7 @@ mod pipeline_cache;
 mod ray_pipeline;
 mod specialised;
 mod survey;
+mod unfinished;
 
 pub use acceleration::{Acceleration, HardwareBox};
 pub use backend::Backend;
@@ -44,3 +45,4 @@ pub use instance::{Instance, InstanceOptions};
 pub use messages::Messages;
 pub use ray_pipeline::{RayPipeline, RayShaders};
 pub use survey::{Candidate, DeviceKind, survey};
+pub use unfinished::{Unfinished, unfinished};

@@ -26,7 +26,7 @@ const MOST_BYTES: u64 = 256 << 20;
 
 pub(super) struct PipelineCache {
     pub(super) handle: vk::PipelineCache,
-    file: Option<PathBuf>,
+    pub(super) file: Option<PathBuf>,
 }
 
 impl PipelineCache {
@@ -66,7 +66,8 @@ impl PipelineCache {
     }
 }
 
-fn file_name(p: &vk::PhysicalDeviceProperties) -> String {
+/// Name of the device's file.
+pub(super) fn file_name(p: &vk::PhysicalDeviceProperties) -> String {
     let uuid: String = p.pipeline_cache_uuid.iter().map(|b| format!("{b:02x}")).collect();
     format!("{:08x}-{:08x}-{:08x}-{uuid}.pipelines", p.vendor_id, p.device_id, p.driver_version)
 }

@@ -45,7 +45,7 @@ pub(super) fn overcome_everywhere(fault: InjectedFault, step: usize) -> usize {
         };
         let named = match fault {
             InjectedFault::Allocation => "out of GPU memory: ",
-            InjectedFault::Submission => "the GPU was lost during ",
+            InjectedFault::Submission | InjectedFault::Hang => "the GPU was lost during ",
         };
         assert!(notice.starts_with(named) && !notice.contains('\n'), "{notice}");
         failures += 1;

@@ -1,8 +1,8 @@
-//! Tests on a real Vulkan device that runs out of memory for good, at each of its allocations in turn; the CPU continues.
+//! Tests on a real Vulkan device that runs out of memory for good, at each of its allocations in turn, or that hangs; the CPU continues.
 
 use pumice_cpu::CpuRenderer;
 use pumice_vulkan::VulkanRenderer;
-use pumice_vulkan::device::{Backend, InjectedFault, Instance, InstanceOptions, survey};
+use pumice_vulkan::device::{Backend, InjectedFault, Instance, InstanceOptions, survey, unfinished};
 
 use super::tests::scene;
 use super::*;
@@ -60,4 +60,34 @@ fn a_full_device_leaves_the_picture_to_the_cpu() {
         assert!(notices.iter().any(|n| n.contains("trying again")), "{notices:?}");
     }
     assert!((3..7).contains(&fell), "{fell}");
+}
+
+/// A launch that does not end is not tried again, here and at the next start.
+#[test]
+fn a_device_that_hangs_leaves_the_picture_to_the_cpu_and_a_mark() {
+    let expected = draw(&mut FallbackRenderer::new(vec![cpu()]));
+    let folder = tempfile::tempdir().unwrap();
+    let instance = Instance::new(&InstanceOptions::default()).unwrap();
+    let candidate = survey(&instance).unwrap().into_iter().find(|c| c.can(Backend::Compute)).unwrap();
+    let left = || unfinished(&instance, &candidate, Backend::Compute, folder.path());
+    assert_eq!(left().why(), None);
+    let (of, kept) = ((instance.clone(), candidate.clone()), folder.path().to_owned());
+    let open = Box::new(move || -> Result<Box<dyn Renderer>, RenderError> {
+        let kept = Some(kept.clone());
+        let opened = VulkanRenderer::open(&of.0, &of.1, Backend::Compute, kept, read_environment);
+        let renderer = opened.map_err(|e| RenderError::Device(e.to_string()))?;
+        renderer.gpu().inject(InjectedFault::Hang, 8, 1);
+        Ok(Box::new(renderer))
+    });
+    let hangs = Way { backend: "vulkan-compute", device: "X".into(), open };
+    let mut renderer = FallbackRenderer::new(vec![hangs, cpu()]);
+    let picture = draw(&mut renderer);
+    let notices = renderer.notices();
+    assert_eq!((renderer.name(), notices.len()), ("cpu", 1), "{notices:?}");
+    assert!(notices[0].contains("the GPU was lost"), "{notices:?}");
+    assert_eq!(picture, expected);
+    let why = left().why().unwrap();
+    assert!(why.contains("a launch hung at an earlier start") && why.contains(".vulkan-compute."), "{why}");
+    // The device's objects may still be in use, so they are never destroyed, and neither may their instance be.
+    std::mem::forget(instance.clone());
 }
