@@ -2,7 +2,7 @@
 //! one thread.
 //!
 //! ```text
-//! volume, some labels ─┬─► Pumice's hierarchies ───────────────────────────► first hits ─┐
+//! volume, some labels ─┬─► Pumice's bricks, and its boxes alone ────────────► first hits ─┐
 //!                      └─► faces as quads ─► bench/embree/rays.c, compiled ─► first hits ─┴─► rates, hits that differ
 //! ```
 //! The program with Embree reads rays from files and times only the tracing.

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! volume ─► file of the fast level, mapped ─► figure of some labels, rendered at voxels, cells, boxes and by distance:
-//!     each level with the file for itself  bytes of the file that were read, bytes of the hierarchy, CPU seconds of building
+//!     each level with the file for itself  bytes of the file that were read, bytes of what rays need, CPU seconds of building
 //!     1, 4, 16 … samples, levels in turn   CPU seconds; relMSE and FLIP against voxels with many samples
 //!     many samples                         the level's own error, with the noise subtracted
 //! ```
@@ -76,7 +76,7 @@ pub struct LevelFigures {
     pub build_cpu_seconds: f64,
     /// CPU seconds of one sample per pixel, measured at the largest number of samples.
     pub frame_cpu_seconds: f64,
-    /// Bytes of the hierarchy over the boxes and of everything else that the renderer holds.
+    /// Bytes that the renderer holds: bricks, or a hierarchy over the boxes where levels differ within one picture, film and tables.
     pub bytes_held: u64,
     /// Bytes of the volume's file that were in memory after a few samples; `None` if the system does not report it.
     pub bytes_touched: Option<u64>,

@@ -5,13 +5,14 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DAffine3;
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, LabelQuery};
 use pumice_cpu::traverse::{SceneTracer, TracedInstance, VolumeTracer};
 use pumice_formats::{OpenChoice, OpenOptions, orientation};
 use pumice_transport::geometry::LodChoice;
 use serde::Serialize;
 
 use crate::error::{Result, SessionError, io};
+use crate::label_rows::LabelRows;
 use crate::open::is_compressed;
 use crate::render_file::hash_text;
 
@@ -51,6 +52,24 @@ pub struct PumiceInfo {
     /// Sum of `resident_parts`: what a process holds that traces all labels by their voxels.
     pub bytes_resident: u64,
     /// Bytes in memory by part, with what rays need where all labels are shown: `bricks`, and `acceleration` for all else.
+    pub resident_parts: BTreeMap<String, u64>,
+    /// The same where some labels alone are shown: only of [`shown_info`].
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub shown: Option<ShownInfo>,
+}
+
+/// What a process holds that traces some labels of a `.pumice` file by their voxels, and reads no others.
+#[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs, reason = "the names are the JSON contract")]
+pub struct ShownInfo {
+    pub labels: u64,
+    /// Boxes that are read. In a file of `--level small` these are all, because such a file is read whole.
+    pub boxes: u64,
+    /// Bytes of the compressed form in memory, with the table of all labels.
+    pub bytes_volume: u64,
+    /// Sum of `resident_parts`.
+    pub bytes_resident: u64,
+    /// Bytes in memory by part, with what rays need of the shown labels.
     pub resident_parts: BTreeMap<String, u64>,
 }
 
@@ -149,16 +168,54 @@ pub fn file_info(path: &Path, reading: &OpenOptions, job: &Job) -> Result<FileIn
     }
 }
 
+/// Adds to the summary of a `.pumice` file what a process holds that shows only the labels for which `query` holds, as `pumice render` does.
+///
+/// # Errors
+/// As [`file_info`]; a column that the volume does not have, a query that no label matches, and a file in another format, which can only be
+/// read whole.
+pub fn shown_info(path: &Path, query: &LabelQuery, reading: &OpenOptions, job: &Job) -> Result<FileInfo> {
+    if !is_compressed(path, reading)? {
+        return Err(SessionError::Caller(format!(
+            "--query: {} is not a .pumice file; only those can be opened for some labels alone (--labels lists labels of any file)",
+            path.display()
+        )));
+    }
+    let mut info = pumice_info(path, job)?;
+    let all = CompressedVolume::open(path, job)?;
+    let chosen =
+        LabelRows::for_query(&all, query).matches(query).map_err(|e| SessionError::Caller(e.to_string()))?;
+    drop(all);
+    let labels = chosen.iter().filter(|&&c| c).count() as u64;
+    if labels == 0 {
+        return Err(SessionError::Caller("--query: no label of the volume matches".into()));
+    }
+    let volume = Arc::new(CompressedVolume::open_labels(path, |_| chosen.clone(), job)?);
+    let (resident_parts, bytes_volume) = parts_of(&volume, chosen)?;
+    info.shown = Some(ShownInfo {
+        labels,
+        boxes: volume.boxes().len() as u64,
+        bytes_volume,
+        bytes_resident: resident_parts.values().sum(),
+        resident_parts,
+    });
+    Ok(FileInfo::Pumice(info))
+}
+
+/// Bytes in memory by part, with what rays need of the visible labels, and the sum of those of the compressed form alone.
+fn parts_of(volume: &Arc<CompressedVolume>, visible: Vec<bool>) -> Result<(BTreeMap<String, u64>, u64)> {
+    let mut parts: BTreeMap<String, u64> =
+        volume.resident_parts().iter().map(|&(name, bytes)| (name.to_string(), bytes)).collect();
+    let bytes_volume = parts.values().sum();
+    let tracer = SceneTracer::new(&[TracedInstance { visible, ..everything(volume) }])?;
+    parts.insert("acceleration".into(), tracer.bytes() - tracer.brick_bytes());
+    parts.insert("bricks".into(), tracer.brick_bytes());
+    Ok((parts, bytes_volume))
+}
+
 fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
     let bytes_disk = std::fs::metadata(path).map_err(io(path))?.len();
     let volume = Arc::new(CompressedVolume::open(path, job)?);
-    let mut parts: BTreeMap<String, u64> =
-        volume.resident_parts().iter().map(|&(name, bytes)| (name.to_string(), bytes)).collect();
-
-    let bytes_volume = parts.values().sum();
-    let tracer = SceneTracer::new(&[everything(&volume)])?;
-    parts.insert("acceleration".into(), tracer.bytes() - tracer.brick_bytes());
-    parts.insert("bricks".into(), tracer.brick_bytes());
+    let (parts, bytes_volume) = parts_of(&volume, vec![true; volume.labels().len()])?;
 
     let (info, labels) = (volume.info(), volume.labels());
     Ok(PumiceInfo {
@@ -180,6 +237,7 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
         bytes_volume,
         bytes_resident: parts.values().sum(),
         resident_parts: parts,
+        shown: None,
     })
 }
 

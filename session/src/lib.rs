@@ -39,7 +39,7 @@ pub use compress_file::{
 };
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
-pub use file_info::{FileInfo, file_info};
+pub use file_info::{FileInfo, file_info, shown_info};
 pub use label_files::{
     TableFit, TableOutcome, TableRequest, annotate, parse_query, read_table, write_labels,
 };

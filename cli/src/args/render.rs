@@ -68,6 +68,8 @@ pub(crate) struct Render {
     #[arg(long, value_enum)]
     pub(crate) mode: Option<RenderMode>,
     /// Finest element that is drawn: voxels (1), cells of 4³ voxels (4), boxes of up to 16³ (16), or by distance (auto)
+    ///
+    /// Coarser elements need less memory. On the processor they save hardly any time, and boxes none.
     #[arg(long, value_enum)]
     pub(crate) lod: Option<LodArg>,
     /// Seed of all random numbers; default 0, or the scene's

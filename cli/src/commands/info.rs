@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pumice_session::{FileInfo, Job, file_info};
+use pumice_session::{FileInfo, Job, file_info, parse_query, shown_info};
 
 use super::{label_list, open_options};
 use crate::Answer;
@@ -14,7 +14,11 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
         label_list::print(&args.file, &args.list, &open_options(&args.reading), job)?;
         return Ok(Answer::Yes);
     }
-    let info = file_info(&args.file, &open_options(&args.reading), job)?;
+    let reading = open_options(&args.reading);
+    let info = match &args.list.query {
+        Some(query) => shown_info(&args.file, &parse_query(query)?, &reading, job)?,
+        None => file_info(&args.file, &reading, job)?,
+    };
     if args.json {
         print(&serde_json::to_string_pretty(&info)?)?;
         return Ok(Answer::Yes);
@@ -44,6 +48,17 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
             ))?;
             for (name, bytes) in &p.resident_parts {
                 say(format_args!("  {name:12} {bytes:>10} bytes  {:6.3} %", percent(*bytes)))?;
+            }
+            if let Some(shown) = &p.shown {
+                say(format_args!(
+                    "shown      {:>14} bytes  {:6.3} %  in memory, of {} labels alone, with what rays need of them",
+                    shown.bytes_resident,
+                    percent(shown.bytes_resident),
+                    shown.labels
+                ))?;
+                for (name, bytes) in &shown.resident_parts {
+                    say(format_args!("  {name:12} {bytes:>10} bytes  {:6.3} %", percent(*bytes)))?;
+                }
             }
             say(format_args!("hash       {}", p.content_hash))?;
         }

@@ -33,7 +33,7 @@ pub(crate) fn print(
     reading: &OpenOptions,
     job: &Arc<Job>,
 ) -> Result<(), Failure> {
-    let query = parse_query(&list.query)?;
+    let query = parse_query(list.query.as_deref().unwrap_or("*"))?;
     let bar = Bar::follow("reading", job);
     let volume = open_volume(path, reading, Residence::Mapped, job)?;
     let rows = LabelRows::of(&volume);

@@ -44,19 +44,20 @@ impl Guides {
             return Ok(None);
         }
         let (normal, albedo) = (&normal.pixels, &albedo.pixels);
-        let is_surface = |i: usize| {
+        let is_surface = layout.plane(|i, _| {
             let is_known = normal[i].iter().all(|v| v.is_finite()) && albedo[i].iter().all(|&a| a >= 0.0);
-            depth[i].is_finite() && is_known && albedo[i].iter().all(|a| a.is_finite())
-        };
+            let is_surface = depth[i].is_finite() && is_known && albedo[i].iter().all(|a| a.is_finite());
+            f32::from(u8::from(is_surface))
+        })?;
         // What is no number compares with nothing, and 0 times it is no number either.
-        let known = |of: f32, i: usize| if is_surface(i) { of } else { 0.0 };
+        let known = |of: f32, at: usize| if is_surface[at] > 0.0 { of } else { 0.0 };
         Ok(Some(Self {
             layout,
-            normal: layout.triple(|i, c| known(normal[i][c], i))?,
-            albedo: layout.triple(|i, c| known(albedo[i][c], i))?,
-            label: layout.plane(|i| label[i])?,
-            instance: layout.plane(|i| instance.map_or(0, |of| of[i]))?,
-            is_surface: layout.plane(|i| known(1.0, i))?,
+            normal: layout.triple(|i, at, c| known(normal[i][c], at))?,
+            albedo: layout.triple(|i, at, c| known(albedo[i][c], at))?,
+            label: layout.plane(|i, _| label[i])?,
+            instance: layout.plane(|i, _| instance.map_or(0, |of| of[i]))?,
+            is_surface,
         }))
     }
 

@@ -35,18 +35,32 @@ impl Layout {
         self.width.next_multiple_of(LANES) + 2 * RADIUS
     }
 
-    /// A plane with a value for each pixel, by its number from the upper left.
+    /// Where the pixel (x, y) lies in a plane.
+    pub(super) fn place(self, x: usize, y: usize) -> usize {
+        y * self.stride() + RADIUS + x
+    }
+
+    /// A plane of zeroes.
+    ///
+    /// # Errors
+    /// [`NoMemory`] where there is none.
+    pub(super) fn zeroes<T: Zeroable>(self) -> Result<Vec<T>, NoMemory> {
+        zeroed(self.stride().saturating_mul(self.height), "denoiser: what it compares")
+    }
+
+    /// A plane with a value for each pixel, by its number from the upper left and its place in planes.
     ///
     /// # Errors
     /// [`NoMemory`] where there is none.
     pub(super) fn plane<T: Zeroable + Send>(
         self,
-        of: impl Fn(usize) -> T + Sync,
+        of: impl Fn(usize, usize) -> T + Sync,
     ) -> Result<Vec<T>, NoMemory> {
-        let mut plane = zeroed(self.stride().saturating_mul(self.height), "denoiser: what it compares")?;
+        let mut plane = self.zeroes()?;
         plane.par_chunks_mut(self.stride()).enumerate().for_each(|(y, row)| {
+            let (first, place) = (y * self.width, self.place(0, y));
             let pixels = &mut row[RADIUS..][..self.width];
-            pixels.iter_mut().enumerate().for_each(|(x, value)| *value = of(y * self.width + x));
+            pixels.iter_mut().enumerate().for_each(|(x, value)| *value = of(first + x, place + x));
         });
         Ok(plane)
     }
@@ -55,8 +69,9 @@ impl Layout {
     ///
     /// # Errors
     /// As [`Layout::plane`].
-    pub(super) fn triple(self, of: impl Fn(usize, usize) -> f32 + Sync) -> Result<Triple, NoMemory> {
-        Ok([self.plane(|i| of(i, 0))?, self.plane(|i| of(i, 1))?, self.plane(|i| of(i, 2))?])
+    pub(super) fn triple(self, of: impl Fn(usize, usize, usize) -> f32 + Sync) -> Result<Triple, NoMemory> {
+        let plane = |c| self.plane(|i, at| of(i, at, c));
+        Ok([plane(0)?, plane(1)?, plane(2)?])
     }
 }
 
