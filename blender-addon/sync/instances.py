@@ -13,6 +13,9 @@ from . import materials, matrix
 from .label_style import Columns, LabelStyle, MadeGroups
 from .parts import Placed
 
+# The bits of 1 in single precision.
+ONE_BITS = 0x3F800000
+
 
 class Styles:
     """The last style of each volume object: reading it again gives the very same value while nothing changed."""
@@ -76,8 +79,9 @@ def _columns(table, slots):
     if table is None:
         return None
     color = label_table.colors(table)
-    # Scripts alone exceed this range, and to look is a third of the work of clipping.
-    if not (color.min(initial=0.0) >= 0.0 and color.max(initial=1.0) <= 1.0):
+    # Scripts alone exceed this range. The bits of a number above 1, below 0 or NaN, taken as a whole number, are above those of 1; to compare
+    # them takes a tenth of the time of clipping.
+    if color.view(np.uint32).max(initial=0) > ONE_BITS:
         color = color.clip(0.0, 1.0)
     return Columns(label_table.ids(table), label_table.visible(table), _groups(table, slots), color)
 

@@ -9,6 +9,7 @@ Columns travel as arrays: an edit makes no object for a single label, and a chan
 differ from the groups that were made before, only the rows that differ travel.
 """
 
+import weakref
 from dataclasses import dataclass, field, fields
 
 import numpy as np
@@ -27,14 +28,16 @@ class Columns:
 
     def same_groups(self, other):
         """Whether all labels have the same groups and colors."""
-        return _same((self.ids, self.group, self.color), (other.ids, other.group, other.color))
+        rows = self.recolored(other)
+        return rows is not None and not len(rows)
 
     def unless_changed(self, kept):
         """These columns with the arrays of others, `kept`, where they are equal; `kept` itself where all are. What compares columns later
         then finds the same arrays, and need not look into them."""
         arrays = [(getattr(kept, column.name), getattr(self, column.name)) for column in fields(self)]
-        shared = [old if np.array_equal(old, new) else new for old, new in arrays]
-        return kept if all(one is old for one, (old, _) in zip(shared, arrays)) else Columns(*shared)
+        is_same = [_same([old], [new]) for old, new in arrays[:-1]]
+        is_same.append(len(self.color) == len(kept.color) and not len(_rows_of_other_colors(self.color, kept.color)))
+        return kept if all(is_same) else Columns(*(old if same else new for same, (old, new) in zip(is_same, arrays)))
 
     def same_visible(self, other):
         """Whether the same labels are drawn."""
@@ -44,13 +47,30 @@ class Columns:
         """The rows whose colors differ from those of `other`; None where the ids or the groups differ."""
         if not _same((self.ids, self.group), (other.ids, other.group)):
             return None
-        # Four numbers are two of 64 bits, which is half of the work, and tells apart what is equal as numbers: that only sends a row more.
-        differ = np.ascontiguousarray(self.color).view(np.uint64) != np.ascontiguousarray(other.color).view(np.uint64)
-        return np.flatnonzero(differ[:, 0] | differ[:, 1])
+        return _rows_of_other_colors(self.color, other.color)
 
 
 def _same(some, others):
     return all(a is b or np.array_equal(a, b) for a, b in zip(some, others))
+
+
+# Weak references to the two arrays that were compared last, and the rows.
+_compared = (lambda: None, lambda: None, None)
+
+
+def _rows_of_other_colors(color, former):
+    """The rows in which two arrays of equally many colors differ. Reading, finding the edits and sending them ask the same, so the last answer
+    is kept: nothing writes into columns."""
+    global _compared
+    if color is former:
+        return np.zeros(0, dtype=int)
+    one, other, rows = _compared
+    if one() is not color or other() is not former:
+        # Four numbers are two of 64 bits, which is half of the work, and tells apart what is equal as numbers: that only sends a row more.
+        differ = np.ascontiguousarray(color).view(np.uint64) != np.ascontiguousarray(former).view(np.uint64)
+        rows = np.flatnonzero(differ.view(np.uint16))
+        _compared = weakref.ref(color), weakref.ref(former), rows
+    return rows
 
 
 class MadeGroups:

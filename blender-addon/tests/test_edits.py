@@ -144,6 +144,25 @@ def test_columns_read_again_share_the_arrays_that_did_not_change(sync):
         assert [field for field in vars(kept) if getattr(shared, field) is not getattr(kept, field)] == [name]
 
 
+def test_rows_of_other_colors_are_those_of_the_columns_that_are_asked(sync):
+    """The last answer is kept; the naive loop is the oracle, also where columns are asked in turn and are gone in between."""
+    rng = np.random.default_rng(3)
+    many = 50
+    columns = lambda color: style(sync, ids=range(1, many + 1), visible=[True] * many, group=[0] * many, color=color).columns  # noqa: E731
+    made = [columns(np.ones((many, 4)))]
+    for _ in range(5):
+        color = made[-1].color.copy()
+        color[rng.random((many, 4)) < 0.05] = rng.random()
+        made.append(columns(color))
+    for _ in range(200):
+        one, other = (made[i] for i in rng.integers(len(made), size=2))
+        naive = [row for row in range(many) if one.color[row].tolist() != other.color[row].tolist()]
+        assert one.recolored(other).tolist() == naive == one.recolored(other).tolist()
+        assert one.same_groups(other) == (not naive)
+        # Arrays that are freed make room for others at their addresses.
+        made[rng.integers(len(made))] = columns(other.color.copy())
+
+
 def real_style(sync, pumice_fields=({"roughness": 0.5}, {"alpha": 0.5}), *, color, made, **over):
     """A style of three labels with their colors, whose materials the compiled module takes."""
     rough, ghost = pumice_fields

@@ -39,6 +39,38 @@ def test_only_the_files_own_colours_are_own(blender, table):
     assert np.array_equal(table.colors(mesh)[[0, 2], :3], some().auto_colors()[[0, 2]])
 
 
+def test_tables_that_are_read_in_turn_have_their_own_ids(blender, table):
+    """The ids that were read last are kept: those of another table, equal in one half, are others."""
+    lists = [[1, 7, 2**32 + 5], [1, 7, 2**33 + 5], [1, 6, 2**32 + 5], [1, 7]]
+    meshes = [table.create(f"t{number}", Labels(ids)) for number, ids in enumerate(lists)]
+    for _ in range(2):
+        for mesh, ids in zip(meshes, lists):
+            assert table.ids(mesh).tolist() == ids
+            assert table.ids(mesh) is table.ids(mesh)
+    with pytest.raises(ValueError, match="read-only"):
+        table.ids(meshes[0])[0] = 3
+
+
+def test_few_rows_get_the_colors_that_many_get(blender, table, monkeypatch):
+    """Few rows are written one by one; columns that are read, changed and written again are the oracle."""
+    rng = np.random.default_rng(5)
+    count = 40
+    mask = rng.random(count) < 0.3
+    rows = (slice(None), [3], mask, np.flatnonzero(mask), np.array([], dtype=int))
+    for few in rows:
+        chosen = np.arange(count)[few]
+        own = rng.random(len(chosen)) < 0.5
+        for linear, is_own in (((0.25, 0.5, 0.75), True), (rng.random((len(chosen), 3), dtype=np.float32), own)):
+            found = []
+            for most in (0, count):
+                monkeypatch.setattr(table, "FEW_ROWS", most)
+                mesh = table.create("few", Labels(range(1, count + 1)))
+                table.set_color(mesh, few, linear, own=is_own)
+                found.append((table.colors(mesh).tolist(), table.own_color(mesh).tolist()))
+            assert found[0] == found[1]
+            assert len(chosen) == 0 or np.allclose(np.array(found[0][0])[chosen, :3], linear)
+
+
 def test_edits_of_the_table_stay_through_saving(blender, table, tmp_path):
     mesh = table.create("x", some())
     mesh.use_fake_user = True

@@ -79,7 +79,7 @@ class Mesh:
 
     @property
     def content_hash(self) -> str:
-        """Hash of all its numbers, 32 hexadecimal digits."""
+        """Hash of all its numbers, 32 hexadecimal digits. Materials that were omitted count as the zeros that they stand for."""
         return self._native.content_hash()
 
 
