@@ -3,24 +3,41 @@
 //! The packed form is a sequence of varints. For each label a it holds the number of its partners b > a, then the first partner as b − a −
 //! 1 and each next one as its distance from the previous one, less 1. `find_contacts.rs` finds the pairs.
 
-use rustc_hash::FxHashSet;
+use rustc_hash::FxHashMap;
+
+use crate::NoMemory;
+use crate::reserve::{collected, make_room, make_room_in_map};
+
+/// What the memory is for, in errors.
+pub(crate) const PAIRS: &str = "a list of the labels that touch";
+
+/// Most bytes of a varint of 32 bits.
+const MOST_VARINT: usize = 5;
 
 /// Pairs found so far. A small direct-mapped cache keeps the repeats along a long border away from the set.
 pub(crate) struct Pairs {
-    set: FxHashSet<u64>,
+    set: FxHashMap<u64, ()>,
     recent: [u64; 64],
     /// Corner of a cell in which two labels claim the same voxel, if one was found.
     pub(crate) claimed_twice: Option<[u32; 3]>,
+    /// Why pairs are missing, if there was no memory for all.
+    no_memory: Option<NoMemory>,
 }
 
 impl Pairs {
     pub(crate) fn new() -> Self {
-        Self { set: FxHashSet::default(), recent: [0; 64], claimed_twice: None }
+        Self { set: FxHashMap::default(), recent: [0; 64], claimed_twice: None, no_memory: None }
     }
 
     /// Returns all pairs, in no particular order.
-    pub(crate) fn into_vec(self) -> Vec<u64> {
-        self.set.into_iter().collect()
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(crate) fn into_vec(self) -> Result<Vec<u64>, NoMemory> {
+        match self.no_memory {
+            None => collected(self.set.len(), self.set.into_keys(), PAIRS),
+            Some(error) => Err(error),
+        }
     }
 
     /// Adds the pair of two different dense indices.
@@ -31,7 +48,10 @@ impl Pairs {
         // The pair (0, 0) does not exist, so an empty slot cannot match.
         if self.recent[slot] != pair {
             self.recent[slot] = pair;
-            self.set.insert(pair);
+            match make_room_in_map(&mut self.set, PAIRS) {
+                Ok(()) => _ = self.set.insert(pair, ()),
+                Err(error) => self.no_memory = Some(error),
+            }
         }
     }
 }
@@ -45,13 +65,17 @@ pub struct Contacts {
 
 impl Contacts {
     /// Packs pairs `a << 32 | b` with a < b, in rising order, of a volume with `labels` labels.
-    pub(crate) fn pack(pairs: &[u64], labels: u32) -> Self {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(crate) fn pack(pairs: &[u64], labels: u32) -> Result<Self, NoMemory> {
         let mut bytes = Vec::new();
         let mut rest = pairs;
         for a in 0..labels {
             let of_a = rest.partition_point(|p| (p >> 32) as u32 <= a);
             let (mine, others) = rest.split_at(of_a);
             rest = others;
+            make_room(&mut bytes, MOST_VARINT * (1 + mine.len()), PAIRS)?;
             put_varint(&mut bytes, mine.len() as u32);
             let mut before = a;
             for &pair in mine {
@@ -60,7 +84,7 @@ impl Contacts {
             }
         }
         bytes.shrink_to_fit();
-        Self { bytes, pairs: pairs.len() as u64 }
+        Ok(Self { bytes, pairs: pairs.len() as u64 })
     }
 
     /// Validates packed pairs read from a file with `labels` labels. An error gives the byte offset and what is wrong there.
@@ -141,7 +165,7 @@ mod tests {
     #[test]
     fn packing_round_trips() {
         let pairs = [(0u64, 1u64), (0, 300), (2, 3), (2, 5), (70_000, 99_999)].map(|(a, b)| a << 32 | b);
-        let contacts = Contacts::pack(&pairs, 100_000);
+        let contacts = Contacts::pack(&pairs, 100_000).unwrap();
         let back: Vec<u64> = contacts.iter().map(|(a, b)| u64::from(a) << 32 | u64::from(b)).collect();
         assert_eq!(back, pairs);
         assert_eq!(Contacts::from_packed(contacts.bytes.clone(), 100_000), Ok(contacts.clone()));

@@ -10,8 +10,9 @@
 
 use rayon::prelude::*;
 
-use crate::contacts::Pairs;
+use crate::contacts::{PAIRS, Pairs};
 use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
+use crate::reserve::make_room;
 use crate::{CHUNK_VOXELS, CompressedVolume, Contacts, Error, Job, Result, morton};
 
 /// Masks of the voxels of a cell with x = 0, with y = 0, with z = 0.
@@ -91,12 +92,12 @@ impl CompressedVolume {
     /// Finds the touching pairs again; [`crate::compress()`] has stored them in [`crate::LabelTable::contacts`].
     ///
     /// # Errors
-    /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel, which this search detects.
+    /// [`Error::Cancelled`]; [`Error::Memory`]; [`Error::Caller`] when two labels claim one voxel, which this search detects.
     pub fn find_contacts(&self, job: &Job) -> Result<Contacts> {
         // A grid for this call only: most volumes never need one again.
         let grid = self.new_grid();
         let pairs = find(self, &grid, grid.bricks(), Vec::new(), job)?;
-        Ok(Contacts::pack(&pairs, self.labels().len() as u32))
+        Ok(Contacts::pack(&pairs, self.labels().len() as u32)?)
     }
 
     /// Finds all touching pairs where those within a chunk are known, as they are for a volume read from a file of voxels.
@@ -112,7 +113,7 @@ impl CompressedVolume {
             let at_border: Vec<u64> = grid.bricks().iter().copied().filter(is_at_border).collect();
             find(self, &grid, &at_border, known, job)?
         };
-        Ok(Contacts::pack(&pairs, self.labels().len() as u32))
+        Ok(Contacts::pack(&pairs, self.labels().len() as u32)?)
     }
 }
 
@@ -145,17 +146,17 @@ fn find(
                 find_in_brick(volume, grid, morton::decode(brick), &mut around, &mut pairs);
             }
             match pairs.claimed_twice {
-                None => Ok(pairs.into_vec()),
+                None => Ok(pairs.into_vec()?),
                 Some(cell) => Err(Error::Caller(format!(
                     "two labels claim one voxel of the cell at {cell:?}: blocks of the source overlap, each voxel must come once"
                 ))),
             }
         })
         .collect();
+    let found = found.into_iter().collect::<Result<Vec<_>>>()?;
     let mut all = known;
-    for pairs in found {
-        all.extend(pairs?);
-    }
+    make_room(&mut all, found.iter().map(Vec::len).sum(), PAIRS)?;
+    found.into_iter().for_each(|pairs| all.extend(pairs));
     Ok(rising(all))
 }
 

@@ -101,7 +101,7 @@ pub(crate) fn boxes_of_parts(
     budget: &Budget,
     job: &Job,
 ) -> Result<(RawBoxes, LabelTable)> {
-    let runs = parts.runs();
+    let runs = parts.runs()?;
     let index_bytes = parts.index_bytes() + (runs.capacity() * size_of::<Run>()) as u64;
     job.begin(runs.iter().map(|r| (r.end - r.start) as u64).sum());
 

@@ -8,7 +8,9 @@
 //! Parts of disjoint blocks are merged by ORing the masks of the same label and cell. OR is associative and commutative, and the order
 //! above is canonical, so the merged part has the same bytes however the volume was divided into blocks and in whatever order they came.
 
+use crate::NoMemory;
 use crate::cell::{Cell, sort_and_or};
+use crate::reserve::{make_room, reserved};
 
 /// Records of some blocks, sorted by label and cell; the module documentation draws its arrays.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
@@ -60,16 +62,23 @@ impl SortedCells {
     }
 
     /// Merges parts into one. The operation is associative and commutative.
-    pub fn merge(parts: &[SortedCells]) -> SortedCells {
-        let runs = runs_by_id(parts.iter().map(|p| (p.ids.as_slice(), p.offsets.as_slice())));
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn merge(parts: &[SortedCells]) -> Result<SortedCells, NoMemory> {
+        const WHAT: &str = "a part of the volume, merged from several";
+        let runs = runs_by_id(parts.iter().map(|p| (p.ids.as_slice(), p.offsets.as_slice())))?;
+        let labels = runs.chunk_by(|a, b| a.id == b.id).count();
         let mut merged = SortedCells {
-            cells: Vec::with_capacity(parts.iter().map(SortedCells::len).sum()),
-            ..SortedCells::default()
+            ids: reserved(labels, WHAT)?,
+            offsets: reserved(labels + 1, WHAT)?,
+            cells: reserved(parts.iter().map(SortedCells::len).sum(), WHAT)?,
         };
         merged.offsets.push(0);
         let mut cells = Vec::new();
         for same_id in runs.chunk_by(|a, b| a.id == b.id) {
             cells.clear();
+            make_room(&mut cells, same_id.iter().map(|run| run.end - run.start).sum(), WHAT)?;
             for run in same_id {
                 cells.extend_from_slice(&parts[run.part as usize].cells[run.start..run.end]);
             }
@@ -82,7 +91,7 @@ impl SortedCells {
         if merged.cells.capacity() > merged.cells.len() + merged.cells.len() / 8 {
             merged.cells.shrink_to_fit();
         }
-        merged
+        Ok(merged)
     }
 
     /// Whether no two labels claim the same voxel, which holds for every part made from a volume. This sorts all records.
@@ -101,9 +110,15 @@ impl SortedCells {
 }
 
 /// The runs of all labels in all parts, sorted by id, then part; each part is given by its ids and offsets.
-pub(crate) fn runs_by_id<'a>(parts: impl Iterator<Item = (&'a [u64], &'a [usize])>) -> Vec<Run> {
+///
+/// # Errors
+/// [`NoMemory`].
+pub(crate) fn runs_by_id<'a>(
+    parts: impl Iterator<Item = (&'a [u64], &'a [usize])>,
+) -> Result<Vec<Run>, NoMemory> {
     let mut runs: Vec<Run> = Vec::new();
     for (p, (ids, offsets)) in parts.enumerate() {
+        make_room(&mut runs, ids.len(), "a list of the labels of the parts of a volume")?;
         runs.extend(ids.iter().zip(offsets.windows(2)).map(|(&id, bounds)| Run {
             id,
             part: p as u32,
@@ -111,6 +126,6 @@ pub(crate) fn runs_by_id<'a>(parts: impl Iterator<Item = (&'a [u64], &'a [usize]
             end: bounds[1],
         }));
     }
-    runs.sort_by_key(|r| (r.id, r.part));
-    runs
+    runs.sort_unstable_by_key(|r| (r.id, r.part));
+    Ok(runs)
 }

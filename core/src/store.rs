@@ -14,8 +14,9 @@ use std::path::PathBuf;
 use std::sync::{Mutex, PoisonError};
 
 use crate::cell::{Cell, sort_and_or};
+use crate::reserve::make_room;
 use crate::sorted_cells::{Run, SortedCells, runs_by_id};
-use crate::{Error, Result};
+use crate::{Error, NoMemory, Result};
 
 /// Number of parts of one merge level that are merged into one part of the next.
 const MERGE_PARTS: usize = 8;
@@ -90,7 +91,7 @@ impl PartStore {
             let group = std::mem::take(&mut state.waiting[level]);
             state.bytes -= group.iter().map(cell_bytes).sum::<u64>();
             drop(state);
-            part = SortedCells::merge(&group);
+            part = SortedCells::merge(&group)?;
             level += 1;
         }
     }
@@ -162,7 +163,10 @@ pub(crate) struct StoredParts {
 
 impl StoredParts {
     /// The runs of all labels in all parts, by rising id.
-    pub(crate) fn runs(&self) -> Vec<Run> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(crate) fn runs(&self) -> std::result::Result<Vec<Run>, NoMemory> {
         runs_by_id(self.parts.iter().map(|p| (p.ids.as_slice(), p.offsets.as_slice())))
     }
 
@@ -174,6 +178,7 @@ impl StoredParts {
     /// Replaces `cells` by one label's records from all its runs, sorted and ORed.
     pub(crate) fn gather(&self, runs: &[Run], cells: &mut Vec<Cell>) -> Result<()> {
         cells.clear();
+        make_room(cells, runs.iter().map(|run| run.end - run.start).sum(), "the cells of a label")?;
         for run in runs {
             let part = &self.parts[run.part as usize];
             match (&part.place, &self.spill) {
@@ -233,7 +238,7 @@ mod tests {
 
     fn gathered(store: PartStore) -> (bool, Vec<(u64, Vec<Cell>)>) {
         let stored = store.into_parts();
-        let runs = stored.runs();
+        let runs = stored.runs().unwrap();
         let mut all = Vec::new();
         for same in runs.chunk_by(|a, b| a.id == b.id) {
             let mut cells = Vec::new();
@@ -245,7 +250,7 @@ mod tests {
 
     #[test]
     fn spilled_parts_gather_like_those_in_memory() {
-        let whole = SortedCells::merge(&parts());
+        let whole = SortedCells::merge(&parts()).unwrap();
         let expected: Vec<_> =
             whole.ids().iter().enumerate().map(|(i, &id)| (id, whole.cells_of(i).to_vec())).collect();
         for (limit, spills) in [(None, false), (Some(0), true), (Some(6000), true), (Some(1 << 30), false)] {

@@ -281,9 +281,10 @@ fn parts_merge_in_any_grouping() {
             .iter()
             .map(|b| SortedCells::from_block(b, volume.dims).unwrap())
             .collect();
-        let at_once = SortedCells::merge(&parts);
+        let merge = |parts: &[SortedCells]| SortedCells::merge(parts).unwrap();
+        let at_once = merge(&parts);
         let (left, right) = parts.split_at(parts.len() / 3);
-        let grouped = SortedCells::merge(&[SortedCells::merge(right), SortedCells::merge(left)]);
+        let grouped = merge(&[merge(right), merge(left)]);
         assert!(at_once == grouped, "{}", volume.name);
         assert!(at_once.is_disjoint(), "{}", volume.name);
     }

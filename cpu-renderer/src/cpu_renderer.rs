@@ -78,28 +78,30 @@ pub fn emitters_of(
     materials: &[Arc<MaterialTable>],
 ) -> Result<Option<Emitters>, RenderError> {
     let volumes = tracer.volumes().iter().zip(0u32..).filter(|(_, i)| materials[*i as usize].is_emissive());
-    let of_volumes = volumes.map(|(v, instance)| EmissiveGeometry::Volume {
-        instance,
-        volume: v.volume(),
-        drawn: v.drawn(),
-        placement: *v.placement(),
-        detail: v.detail(),
-        cuts: v.cuts(),
-        materials: &materials[instance as usize],
+    let of_volumes = volumes.map(|(v, instance)| {
+        Ok(EmissiveGeometry::Volume {
+            instance,
+            volume: v.volume(),
+            drawn: v.drawn()?,
+            placement: *v.placement(),
+            detail: v.detail(),
+            cuts: v.cuts(),
+            materials: &materials[instance as usize],
+        })
     });
     let first = tracer.volumes().len() as u32;
     let meshes = tracer.meshes().iter().zip(first..).filter(|(_, i)| materials[*i as usize].is_emissive());
     let of_meshes = meshes.map(|(m, instance)| {
         let (mesh, grid) = m.mesh();
-        EmissiveGeometry::Mesh {
+        Ok(EmissiveGeometry::Mesh {
             instance,
             mesh,
             grid,
             placement: *m.placement(),
             materials: &materials[instance as usize],
-        }
+        })
     });
-    Emitters::new(&of_volumes.chain(of_meshes).collect::<Vec<_>>())
+    Emitters::new(&of_volumes.chain(of_meshes).collect::<Result<Vec<_>, RenderError>>()?)
 }
 
 /// The construction of a scene's data for `set_scene`, with counts of what was built.
@@ -182,7 +184,7 @@ impl Making<'_> {
                 let like = plan.former.and_then(|i| Some((former(i)?, old?.scene.visible(i))));
                 let (geometry, is_built) = match (self.parts.has(Part::HiddenLabels), like) {
                     (true, _) => {
-                        (VolumeTracer::with_hidden_labels(place as u32, &traced)?.with_bricks(), true)
+                        (VolumeTracer::with_hidden_labels(place as u32, &traced)?.with_bricks()?, true)
                     }
                     (false, Some((like, before))) => like.showing(&before, place as u32, &traced)?,
                     (false, None) => (VolumeTracer::in_bricks(place as u32, &traced)?, true),
@@ -192,7 +194,7 @@ impl Making<'_> {
             }
         };
         let geometry = geometry.with_cuts(scene.cuts_of(instance.id));
-        Ok(Arc::new(geometry.shaded_smooth(scene.settings.smooth_voxels)))
+        Ok(Arc::new(geometry.shaded_smooth(scene.settings.smooth_voxels)?))
     }
 
     /// Geometry of a mesh; `before` is the geometry of the meshes before it.
@@ -306,23 +308,23 @@ impl Renderer for CpuRenderer {
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {
-        Ok(self.shown()?.tracer.film().mean())
+        Ok(self.shown()?.tracer.film().mean()?)
     }
 
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
-        Ok(self.shown()?.tracer.film().alpha())
+        Ok(self.shown()?.tracer.film().alpha()?)
     }
 
     fn variance(&mut self) -> Result<Option<Image>, RenderError> {
         let film = self.shown()?.tracer.film();
-        Ok((film.spp() >= CLASSES).then(|| film.variance()))
+        Ok((film.spp() >= CLASSES).then(|| film.variance()).transpose()?)
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {
         let shown = self.shown()?;
         let (scene, film) = (shown.scene.scene(), shown.tracer.film());
         film_memory::check(&scene.film, film.kept(), scene.settings.adaptive, film.bytes())?;
-        let mut picture = shown.tracer.picture();
+        let mut picture = shown.tracer.picture()?;
         name_mattes(&mut picture, shown.scene.scene(), shown.scene.volumes());
         name_labels(&mut picture, shown.scene.scene(), shown.scene.volumes());
         Ok(picture)

@@ -3,8 +3,9 @@
 
 use std::time::{Duration, Instant};
 
-use pumice_core::Job;
-use pumice_picture::film::{CLASSES, STRIDE};
+use pumice_core::reserve::{collected, collected_by_threads};
+use pumice_core::{Job, NoMemory};
+use pumice_picture::film::{CLASSES, PICTURE, STRIDE};
 use pumice_picture::{FilmBuffer, Image, PassSums, Picture};
 use pumice_scene::{Camera, Film, Passes};
 use pumice_transport::camera_rays::CameraRays;
@@ -195,22 +196,28 @@ impl<T: Tracer> PathTracer<T> {
 
     /// The picture so far; depth, label, base colour and normal are those seen through the middle of each pixel. Instances
     /// are positions in the scene's list: [`pumice_picture::name_labels`] names them.
-    pub fn picture(&self) -> Picture {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn picture(&self) -> Result<Picture, NoMemory> {
         let (width, height) = self.film.size();
-        let firsts: Vec<First> = (0..width * height)
-            .into_par_iter()
-            .map(|i| self.first((i % width) as u32, (i / width) as u32))
-            .collect();
-        let image = |f: fn(&First) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
+        let first = |i: usize| self.first((i % width) as u32, (i / width) as u32);
+        let firsts: Vec<First> =
+            collected_by_threads((0..width * height).into_par_iter().map(first), PICTURE)?;
+        let image = |f: fn(&First) -> [f32; 3]| {
+            let pixels = collected(firsts.len(), firsts.iter().map(f), PICTURE)?;
+            Ok::<_, NoMemory>(Image::new(width, height, pixels))
+        };
+        let variance = (self.film.spp() >= CLASSES).then(|| self.film.variance());
         let picture = Picture {
-            variance: (self.film.spp() >= CLASSES).then(|| self.film.variance()),
-            depth: Some(firsts.iter().map(|f| f.depth).collect()),
-            label: Some(firsts.iter().map(|f| f.label).collect()),
-            instance: Some(firsts.iter().map(|f| f.instance).collect()),
-            albedo: Some(image(|f| f.albedo)),
-            normal: Some(image(|f| f.normal)),
-            position: Some(image(|f| f.position)),
-            ..Picture::of(self.film.mean())
+            variance: variance.transpose()?,
+            depth: Some(collected(firsts.len(), firsts.iter().map(|f| f.depth), PICTURE)?),
+            label: Some(collected(firsts.len(), firsts.iter().map(|f| f.label), PICTURE)?),
+            instance: Some(collected(firsts.len(), firsts.iter().map(|f| f.instance), PICTURE)?),
+            albedo: Some(image(|f| f.albedo)?),
+            normal: Some(image(|f| f.normal)?),
+            position: Some(image(|f| f.position)?),
+            ..Picture::of(self.film.mean()?)
         };
         self.film.passes_into(picture, self.wanted)
     }

@@ -50,7 +50,7 @@ fn part(volume: &Arc<CompressedVolume>, world_from_index: DAffine3, body: u32) -
 /// The scene of these parts; `in_contact` false leaves out all that knows of other instances.
 fn scene(parts: &[Part], in_contact: bool) -> SceneTracer {
     let made = (0u32..).zip(parts).map(|(i, part)| {
-        Arc::new(VolumeTracer::new(i, &part.traced).unwrap().with_bricks().with_cuts(&part.cuts))
+        Arc::new(VolumeTracer::new(i, &part.traced).unwrap().with_bricks().unwrap().with_cuts(&part.cuts))
     });
     let placements = parts.iter().map(|p| Placement::new(p.traced.world_from_index).unwrap());
     let contacts = Contacts::of(placements, parts.iter().map(|p| p.body).collect());

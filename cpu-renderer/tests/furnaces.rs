@@ -47,7 +47,7 @@ fn the_film_shows_the_mean_of_its_samples() {
     let mut tracer = PathTracer::new(furnace.dense.clone(), furnace.around.clone(), &furnace.camera, &FILM)
         .expect("memory for the film");
     tracer.add_samples(furnace.spp, &Job::new()).expect("nobody cancels");
-    let image = tracer.film().mean();
+    let image = tracer.film().mean().unwrap();
     let pixels = furnace.pixels();
     let of_film =
         pixels.iter().map(|&[x, y]| f64::from(image.pixels[(y * FILM.width + x) as usize][0])).sum::<f64>()
@@ -161,7 +161,7 @@ fn threads_and_slices_do_not_change_the_picture() {
         pool.install(|| {
             steps.iter().for_each(|&s| tracer.add_samples(s, &Job::new()).expect("nobody cancels"))
         });
-        tracer.film().mean()
+        tracer.film().mean().unwrap()
     };
     let one = picture(1, &[7]);
     assert_eq!(one, picture(3, &[1, 2, 7]));

@@ -360,7 +360,8 @@ fn distances_that_change_nothing_have_bricks() {
         };
         // Cells from 100 voxels away: the volumes are at most 64 wide.
         let (near, far) = (at(-20.0), at(-90.0));
-        let made = VolumeTracer::new(0, &instance(&compressed, |_| true, near)).unwrap().with_bricks();
+        let made =
+            VolumeTracer::new(0, &instance(&compressed, |_| true, near)).unwrap().with_bricks().unwrap();
         let again = |from: &VolumeTracer, lod| from.again(0, PLACE, lod).unwrap().unwrap();
         let moved = again(&made, far);
         let back = again(&moved, near);
@@ -389,7 +390,7 @@ fn bricks_answer_what_boxes_do() {
         for lod in [LodChoice::Voxels, LodChoice::Cells, LodChoice::Boxes] {
             for (shown, cuts) in choices.into_iter().flat_map(|shown| [(shown, None), (shown, Some(&cut))]) {
                 let boxes = || VolumeTracer::new(0, &instance(&compressed, shown, lod)).unwrap();
-                let bricks = boxes().with_bricks().with_cuts(cuts);
+                let bricks = boxes().with_bricks().unwrap().with_cuts(cuts);
                 let boxes = boxes().with_cuts(cuts);
                 assert!(bricks.brick_bytes() > 0 && boxes.brick_bytes() == 0);
                 let mut random = Random(u64::from(cuts.is_some()));

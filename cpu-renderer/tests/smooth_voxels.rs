@@ -68,7 +68,7 @@ impl Voxels {
         let volume = self.compressed();
         let visible = vec![true; volume.labels().len()];
         let traced = TracedInstance { volume, world_from_index, visible, lod };
-        VolumeTracer::new(3, &traced).unwrap().shaded_smooth(true)
+        VolumeTracer::new(3, &traced).unwrap().shaded_smooth(true).unwrap()
     }
 
     /// −∇f of the label around a point, from the definition, by looking at 343 voxels.
@@ -290,7 +290,7 @@ fn what_stays_flat() {
         hits.iter().all(|(hit, p)| t.smooth_normal(&hit.surface, *p).is_none())
     };
     assert!(flat(&coarse));
-    let plain = voxels.tracer(DAffine3::IDENTITY, LodChoice::Voxels).shaded_smooth(false);
+    let plain = voxels.tracer(DAffine3::IDENTITY, LodChoice::Voxels).shaded_smooth(false).unwrap();
     assert!(flat(&plain) && !plain.is_smooth());
     let tracer = voxels.tracer(DAffine3::IDENTITY, LodChoice::Voxels);
     let (hit, point) = hits(&tracer, middle, 8.0, 1)[0];

@@ -30,10 +30,11 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use pumice_core::{CompressedVolume, LabelTable};
+use pumice_core::reserve::collected;
+use pumice_core::{CompressedVolume, LabelTable, NoMemory};
 use pumice_scene::{Pass, Scene};
 
-use crate::film::FilmBuffer;
+use crate::film::{FilmBuffer, PICTURE};
 use crate::picture::Picture;
 
 /// Type name of labels without a type.
@@ -121,20 +122,26 @@ pub fn ids_of_mesh(source: &Path) -> Vec<Ids> {
 
 impl FilmBuffer {
     /// The mattes of the pixels without names, for the kinds that are kept.
-    pub fn mattes(&self) -> Vec<Matte> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn mattes(&self) -> Result<Vec<Matte>, NoMemory> {
         let kept = self.kept();
         let slots = kept.matte_slots();
         let kinds = Pass::MATTES.iter().zip(kept.mattes).filter(|(_, is_kept)| *is_kept);
         let mut at = kept.mattes_at();
         let mut mattes = Vec::new();
         for (&pass, _) in kinds {
-            let ranked = self.of_each_pixel(|sums, n| ranked(&sums[at..][..2 * slots], n, slots / 2));
-            let layer =
-                |l: usize| ranked.iter().map(|ranks| [0, 1, 2, 3].map(|c| ranks[4 * l + c])).collect();
-            mattes.push(Matte { pass, layers: (0..slots / 4).map(layer).collect(), names: BTreeMap::new() });
+            let ranked = self.of_each_pixel(|sums, n| ranked(&sums[at..][..2 * slots], n, slots / 2))?;
+            let layer = |l: usize| {
+                let four = ranked.iter().map(|ranks| [0, 1, 2, 3].map(|c| ranks[4 * l + c]));
+                collected(ranked.len(), four, PICTURE)
+            };
+            let layers = (0..slots / 4).map(layer).collect::<Result<_, _>>()?;
+            mattes.push(Matte { pass, layers, names: BTreeMap::new() });
             at += 2 * slots;
         }
-        mattes
+        Ok(mattes)
     }
 }
 

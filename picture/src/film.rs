@@ -15,7 +15,7 @@
 use std::ops::Range;
 
 use pumice_core::NoMemory;
-use pumice_core::reserve::{check_room, zeroed};
+use pumice_core::reserve::{check_room, collected_by_threads, zeroed};
 use pumice_scene::Adaptive;
 use rayon::prelude::*;
 
@@ -44,6 +44,9 @@ pub fn variance_known(of_mean: &Image) -> Variance<'_> {
 
 /// Added to μ², so that black pixels do not count infinitely: as in `metrics::rel_mse`.
 pub(crate) const FLOOR: f64 = 0.01;
+
+/// What the memory of a picture and its passes is for, in errors.
+pub const PICTURE: &str = "film: the picture";
 
 /// The sums of samples of a picture; the module describes them.
 #[derive(Clone, Debug)]
@@ -214,7 +217,10 @@ impl FilmBuffer {
     }
 
     /// The mean of all samples; with shadow catchers, the colours composited from it.
-    pub fn mean(&self) -> Image {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn mean(&self) -> Result<Image, NoMemory> {
         if self.kept.caught {
             return self.caught_color();
         }
@@ -222,20 +228,30 @@ impl FilmBuffer {
     }
 
     /// Variance of that mean; infinite with less than one sample per class. With shadow catchers, of the picture over white.
-    pub fn variance(&self) -> Image {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn variance(&self) -> Result<Image, NoMemory> {
         self.picture_of(|film, pixel, channel, n| film.moments(pixel, channel, n).1)
     }
 
-    fn picture_of(&self, f: impl Fn(&Self, usize, usize, u32) -> f64 + Sync) -> Image {
+    fn picture_of(
+        &self,
+        f: impl Fn(&Self, usize, usize, u32) -> f64 + Sync + Send,
+    ) -> Result<Image, NoMemory> {
         let pixel = |i: usize| {
             let n = self.samples_of(i);
             if n == 0 { [0.0; 3] } else { [0, 1, 2].map(|c| f(self, i, c, n) as f32) }
         };
-        Image::new(
-            self.width,
-            self.height,
-            (0..self.width * self.height).into_par_iter().map(pixel).collect(),
-        )
+        Ok(Image::new(self.width, self.height, self.each_pixel(pixel)?))
+    }
+
+    /// What a function gives for each pixel, by its number from the upper left.
+    pub(crate) fn each_pixel<T: Send>(
+        &self,
+        of: impl Fn(usize) -> T + Sync + Send,
+    ) -> Result<Vec<T>, NoMemory> {
+        collected_by_threads((0..self.width * self.height).into_par_iter().map(of), PICTURE)
     }
 
     /// Estimated relative error of the mean of some rows; infinite with less than one sample per class.

@@ -13,8 +13,8 @@
 //! mean colour of that kind, as in Cycles' `film_get_pass_pixel_light_path`, so that
 //! `(direct + indirect) · colour` of the three kinds, emission and environment add up to the picture again.
 
+use pumice_core::NoMemory;
 use pumice_scene::{Film, Pass, Passes};
-use rayon::prelude::*;
 
 use crate::film::CLASSES;
 use crate::film::FilmBuffer;
@@ -148,81 +148,105 @@ fn divide(light: [f32; 3], color: [f32; 3]) -> [f32; 3] {
 
 impl FilmBuffer {
     /// Applies a function to each pixel's pass sums and its number of samples, which is at least 1.
-    pub(crate) fn of_each_pixel<T: Send>(&self, f: impl Fn(&[f32], f32) -> T + Sync) -> Vec<T> {
-        let (width, height) = self.size();
+    pub(crate) fn of_each_pixel<T: Send>(
+        &self,
+        f: impl Fn(&[f32], f32) -> T + Sync + Send,
+    ) -> Result<Vec<T>, NoMemory> {
         let stride = self.kept().stride();
         let of = |pixel: usize| {
             let sums = &self.pass_sums()[pixel * stride..][..stride];
             f(sums, self.samples_of(pixel).max(1) as f32)
         };
-        (0..width * height).into_par_iter().map(of).collect()
+        self.each_pixel(of)
     }
 
     /// The mean of some of each pixel's pass sums, chosen by offset.
-    fn means<T: Send>(&self, f: impl Fn(&dyn Fn(usize) -> f32) -> T + Sync) -> Vec<T> {
+    fn means<T: Send>(
+        &self,
+        f: impl Fn(&dyn Fn(usize) -> f32) -> T + Sync + Send,
+    ) -> Result<Vec<T>, NoMemory> {
         self.of_each_pixel(|sums, n| f(&|place| sums[place] / n))
     }
 
-    fn mean_image(&self, place: usize) -> Image {
+    fn mean_image(&self, place: usize) -> Result<Image, NoMemory> {
         let (width, height) = self.size();
-        Image::new(width, height, self.means(|of| [0, 1, 2].map(|c| of(place + c))))
+        Ok(Image::new(width, height, self.means(|of| [0, 1, 2].map(|c| of(place + c)))?))
     }
 
     /// Share of the samples that hit a surface, if it is kept; it includes the caught shadows.
-    pub fn alpha(&self) -> Option<Vec<f32>> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn alpha(&self) -> Result<Option<Vec<f32>>, NoMemory> {
         if self.kept().caught {
             return self.caught_alpha();
         }
-        self.kept().alpha.then(|| self.means(|of| of(0)))
+        self.kept().alpha.then(|| self.means(|of| of(0))).transpose()
     }
 
     /// The shadow catcher pass, if it is requested: the share of light that is not blocked, 1 in a scene without shadow catchers.
-    fn shadow_wanted(&self, wanted: Passes) -> Option<(Pass, Image)> {
+    fn shadow_wanted(&self, wanted: Passes) -> Result<Option<(Pass, Image)>, NoMemory> {
+        if !wanted.has(Pass::ShadowCatcher) {
+            return Ok(None);
+        }
         let (width, height) = self.size();
-        wanted.has(Pass::ShadowCatcher).then(|| match self.kept().caught {
-            true => (Pass::ShadowCatcher, self.shadow()),
-            false => (Pass::ShadowCatcher, Image::new(width, height, vec![[1.0; 3]; width * height])),
-        })
+        let shadow = match self.kept().caught {
+            true => self.shadow()?,
+            false => Image::new(width, height, self.each_pixel(|_| [1.0; 3])?),
+        };
+        Ok(Some((Pass::ShadowCatcher, shadow)))
     }
 
     /// Colour and normal of the first surface, means over samples, where they are kept.
-    pub fn features(&self) -> Option<[Image; 2]> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn features(&self) -> Result<Option<[Image; 2]>, NoMemory> {
+        if !self.kept().features {
+            return Ok(None);
+        }
         let at = self.kept().features_at();
-        self.kept().features.then(|| [self.mean_image(at), self.mean_image(at + 3)])
+        Ok(Some([self.mean_image(at)?, self.mean_image(at + 3)?]))
     }
 
     /// The requested passes of light, if they are kept.
-    pub fn light(&self, wanted: Passes) -> Vec<(Pass, Image)> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn light(&self, wanted: Passes) -> Result<Vec<(Pass, Image)>, NoMemory> {
         let (at, kept) = (self.kept().light_at(), self.kept().light);
         let (width, height) = self.size();
-        let image = |pass: Pass| {
-            let (light, color) = kinds_of(pass)?;
-            let Some(color) = color else { return Some((pass, self.mean_image(at + 3 * light))) };
+        let image = |(pass, light, color): (Pass, usize, Option<usize>)| {
+            let Some(color) = color else { return Ok((pass, self.mean_image(at + 3 * light)?)) };
             let (light, color) = (at + 3 * light, at + 3 * (LIGHT_KINDS + color));
             let pixels =
-                self.means(|of| divide([0, 1, 2].map(|c| of(light + c)), [0, 1, 2].map(|c| of(color + c))));
-            Some((pass, Image::new(width, height, pixels)))
+                self.means(|of| divide([0, 1, 2].map(|c| of(light + c)), [0, 1, 2].map(|c| of(color + c))))?;
+            Ok((pass, Image::new(width, height, pixels)))
         };
-        wanted.iter().filter(|_| kept).filter_map(image).collect()
+        let kinds =
+            wanted.iter().filter_map(|pass| kinds_of(pass).map(|(light, color)| (pass, light, color)));
+        kinds.filter(|_| kept).map(image).collect()
     }
 
     /// Adds the passes to the picture. Albedo and normal become means over samples if they are in `wanted`.
-    pub fn passes_into(&self, picture: Picture, wanted: Passes) -> Picture {
-        let (width, height) = self.size();
-        let counts = || (0..width * height).map(|pixel| self.samples_of(pixel) as f32).collect();
-        let (albedo, normal) = match self.features() {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn passes_into(&self, picture: Picture, wanted: Passes) -> Result<Picture, NoMemory> {
+        let counts = || self.each_pixel(|pixel| self.samples_of(pixel) as f32);
+        let (albedo, normal) = match self.features()? {
             Some([albedo, normal]) => (Some(albedo), Some(normal)),
             None => (None, None),
         };
-        Picture {
-            alpha: self.alpha(),
+        Ok(Picture {
+            alpha: self.alpha()?,
             albedo: albedo.filter(|_| wanted.has(Pass::Albedo)).or(picture.albedo),
             normal: normal.filter(|_| wanted.has(Pass::Normal)).or(picture.normal),
-            samples: wanted.has(Pass::Samples).then(counts),
-            light: self.light(wanted).into_iter().chain(self.shadow_wanted(wanted)).collect(),
-            mattes: self.mattes(),
+            samples: wanted.has(Pass::Samples).then(counts).transpose()?,
+            light: self.light(wanted)?.into_iter().chain(self.shadow_wanted(wanted)?).collect(),
+            mattes: self.mattes()?,
             ..picture
-        }
+        })
     }
 }
 

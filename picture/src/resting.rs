@@ -98,15 +98,9 @@ impl FilmBuffer {
         if spp < self.next_look() {
             return Ok(false);
         }
-        let Some(mut resting) = self.resting.take() else { return Ok(false) };
-        // All pixels count with the film's number of samples here, also those that rest.
-        let worst = match self.worst_around() {
-            Ok(worst) => worst,
-            Err(error) => {
-                self.resting = Some(resting);
-                return Err(error);
-            }
-        };
+        // The sums of a pixel that rests are of its own samples, fewer than the film's.
+        let worst = self.worst_around()?;
+        let Some(resting) = &mut self.resting else { return Ok(false) };
         let steps = spp / CLASSES;
         resting.next_look = steps.saturating_add((steps / 4).max(1)).saturating_mul(CLASSES);
         let bar = resting.rule.threshold * resting.rule.threshold;
@@ -117,9 +111,7 @@ impl FilmBuffer {
                 resting.awake -= 1;
             }
         }
-        let some = resting.awake < awake;
-        self.resting = Some(resting);
-        Ok(some)
+        Ok(resting.awake < awake)
     }
 
     /// The worst mean error of 3 × 3 pixels within one pixel of each pixel.
@@ -162,4 +154,41 @@ fn around(
         f(&mut rows.flat_map(|y| columns.clone().map(move |x| of[y * width + x])))
     };
     collected_by_threads((0..width * height).into_par_iter().map(value), WHAT)
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+    use crate::film::STRIDE;
+
+    /// Sets the samples of one class of a pixel so that its squared error is `error`, and those of the others to 0. With the sum s of n samples,
+    /// mean and standard deviation of the mean are both s / n, so the error is (s / n)² / ((s / n)² + 0.01).
+    fn set(sums: &mut [f32], pixel: usize, samples: f32, error: f32) {
+        let sum = samples * (0.01 * error / (1.0 - error)).sqrt();
+        sums[pixel * STRIDE..][..STRIDE].fill(0.0);
+        sums[pixel * STRIDE..][..3].fill(sum);
+    }
+
+    #[test]
+    fn a_pixel_that_rests_is_judged_with_its_own_samples() {
+        let mut film = FilmBuffer::new(4, 1).unwrap();
+        film.rest_by(Some(Adaptive { threshold: 0.5, min_spp: 8 })).unwrap();
+        let rested = |film: &FilmBuffer| film.resting().unwrap().rested().to_vec();
+        // The threshold's square is 0.25. The last pixel is noisy, so the means around all but the first are above it.
+        for (pixel, error) in [0.22, 0.22, 0.22, 0.5].into_iter().enumerate() {
+            set(film.sums_mut(8), pixel, 8.0, error);
+        }
+        assert!(film.look().unwrap());
+        assert_eq!(rested(&film), [8, AWAKE, AWAKE, AWAKE]);
+        // The sums of the first stay. Its error is still 0.22, so the mean of the first two is 0.255, which keeps the second awake; with twelve
+        // samples the error of the same sums would be 0.11 and the mean 0.2.
+        for (pixel, error) in [(1, 0.29), (2, 0.02), (3, 0.02)] {
+            set(film.sums_mut(12), pixel, 12.0, error);
+        }
+        assert!(film.look().unwrap());
+        assert_eq!(rested(&film), [8, AWAKE, 12, 12]);
+        // A control: with the mean just below the threshold's square the second rests too.
+        set(film.sums_mut(16), 1, 16.0, 0.27);
+        assert!(film.look().unwrap() && film.all_rest());
+    }
 }

@@ -28,6 +28,8 @@
 //! class left out (the jackknife: Efron and Stein 1981); for plain sums this equals the estimate of [`crate::film`] exactly. The error
 //! is that of the picture over white, because shadows are only in alpha.
 
+use pumice_core::NoMemory;
+
 use crate::film::CLASSES;
 use crate::film::{FilmBuffer, STRIDE};
 use crate::image::Image;
@@ -118,10 +120,8 @@ impl FilmBuffer {
         self.caught_without(pixel, self.samples_of(pixel), None).seen(self.kept())
     }
 
-    fn of_seen<T: Send>(&self, f: impl Fn(Seen) -> T + Sync + Send) -> Vec<T> {
-        use rayon::prelude::*;
-        let (width, height) = self.size();
-        (0..width * height).into_par_iter().map(|pixel| f(self.seen_at(pixel))).collect()
+    fn of_seen<T: Send>(&self, f: impl Fn(Seen) -> T + Sync + Send) -> Result<Vec<T>, NoMemory> {
+        self.each_pixel(|pixel| f(self.seen_at(pixel)))
     }
 
     /// One channel of a pixel with `n` samples laid over what is behind it, and that number's variance.
@@ -142,26 +142,26 @@ impl FilmBuffer {
     }
 
     /// The colours of a film with a catcher.
-    pub(crate) fn caught_color(&self) -> Image {
+    pub(crate) fn caught_color(&self) -> Result<Image, NoMemory> {
         self.image_of_seen(|seen| seen.color)
     }
 
     /// Its alpha; `None` where it is opaque.
-    pub(crate) fn caught_alpha(&self) -> Option<Vec<f32>> {
+    pub(crate) fn caught_alpha(&self) -> Result<Option<Vec<f32>>, NoMemory> {
         let has = self.kept().alpha || self.kept().shadow_apart;
-        has.then(|| self.of_seen(|seen| seen.alpha as f32))
+        has.then(|| self.of_seen(|seen| seen.alpha as f32)).transpose()
     }
 
     /// The share of the catchers' light that is not blocked.
-    pub(crate) fn shadow(&self) -> Image {
+    pub(crate) fn shadow(&self) -> Result<Image, NoMemory> {
         self.image_of_seen(|seen| seen.shadow)
     }
 
-    fn image_of_seen(&self, of: impl Fn(Seen) -> [f64; 3] + Sync + Send) -> Image {
+    fn image_of_seen(&self, of: impl Fn(Seen) -> [f64; 3] + Sync + Send) -> Result<Image, NoMemory> {
         let (width, height) = self.size();
         // A quotient of two floats may be too large for one.
         let float = |v: f64| v.min(f64::from(f32::MAX)) as f32;
-        Image::new(width, height, self.of_seen(|seen| of(seen).map(float)))
+        Ok(Image::new(width, height, self.of_seen(|seen| of(seen).map(float))?))
     }
 }
 

@@ -110,7 +110,14 @@ fn each_edit_needs_only_what_it_brings() {
     assert_eq!(grouped(group(&[6], &[]), Show::All, none()), least(), "a label that the volume lacks");
     let three = vec![LabelCount { instance: 7, visible: 3, all: 4 }];
     let hidden = grouped(group(&[5], &[]), Show::Except(vec![5]), none());
-    assert_eq!(hidden, Needs { labels: three, ..least() });
+    assert_eq!(hidden, Needs { labels: three.clone(), ..least() });
+    // A group of all labels is looked at as a whole, unless some label has a material of its own.
+    let whole = |show, own| grouped(group(&IDS, &[]), show, own);
+    let seen = Needs { glass: true, diffuse: false, ..least() };
+    assert_eq!(whole(Show::Except(vec![5]), none()), Needs { labels: three, ..seen });
+    let nothing = vec![LabelCount { instance: 7, visible: 0, all: 4 }];
+    assert_eq!(whole(Show::Only(vec![]), none()), Needs { labels: nothing, diffuse: false, ..least() });
+    assert_eq!(whole(Show::All, [(5, MATTE)].into()), Needs { glass: true, ..least() });
     // With an index of refraction of 1 there is no dielectric layer, whatever `specular` is.
     assert_eq!(style(|s| (s.material.specular, s.material.ior) = (1.0, 1.0)), least());
 

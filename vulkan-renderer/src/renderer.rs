@@ -216,16 +216,16 @@ impl Renderer for VulkanRenderer {
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {
-        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().mean())
+        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().mean()?)
     }
 
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
-        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().alpha())
+        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().alpha()?)
     }
 
     fn variance(&mut self) -> Result<Option<Image>, RenderError> {
         let film = self.shown.as_ref().ok_or_else(no_scene)?.film.copy();
-        Ok((film.spp() >= CLASSES).then(|| film.variance()))
+        Ok((film.spp() >= CLASSES).then(|| film.variance()).transpose()?)
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {

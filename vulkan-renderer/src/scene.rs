@@ -158,7 +158,8 @@ impl Boxes {
         record.leaves = nodes.leaves.address();
         let neighbors = match smooth {
             true => {
-                Some(gpu.buffer_of("the neighbours of boxes", bytemuck::cast_slice(&packed.neighbors()))?)
+                let neighbors = packed.neighbors().map_err(RenderError::from)?;
+                Some(gpu.buffer_of("the neighbours of boxes", bytemuck::cast_slice(&neighbors))?)
             }
             false => None,
         };

@@ -6,6 +6,8 @@ use std::time::Duration;
 
 use bytemuck::Zeroable as _;
 use pumice_core::Job;
+use pumice_core::reserve::collected;
+use pumice_picture::film::PICTURE;
 use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, film_memory, name_labels, name_mattes};
 use pumice_scene::{Part, PartSet};
 use pumice_transport::camera_rays::CameraRays;
@@ -176,11 +178,13 @@ impl Shown {
     }
 
     /// The picture so far: colours from the host's copy of the film, render passes from the device.
-    pub(crate) fn picture(&self, machine: &mut DeviceContext) -> Result<Picture, DeviceError> {
+    pub(crate) fn picture(&self, machine: &mut DeviceContext) -> Result<Picture, UploadError> {
         let firsts = self.firsts(machine, 0, &Job::new(), SurfaceAovsRecord::clone)?;
         let [width, height] = self.film.size.map(|n| n as usize);
-        let image =
-            |f: fn(&SurfaceAovsRecord) -> [f32; 3]| Image::new(width, height, firsts.iter().map(f).collect());
+        let image = |f: fn(&SurfaceAovsRecord) -> [f32; 3]| {
+            let pixels = collected(firsts.len(), firsts.iter().map(f), PICTURE)?;
+            Ok::<_, RenderError>(Image::new(width, height, pixels))
+        };
         // Only hits tell instances, so a scene of several asks twice.
         let position = |hit: &HitRecord| label_of(&hit.surface).map_or(0, |seen| seen.instance);
         let instance = match self.scene.scene().instances.len() {
@@ -189,17 +193,20 @@ impl Shown {
         };
         let film: &FilmBuffer = self.film.copy();
         let spp = film.spp();
+        let variance = (spp >= pumice_picture::film::CLASSES).then(|| film.variance());
+        let memory = RenderError::from;
         let picture = Picture {
-            variance: (spp >= pumice_picture::film::CLASSES).then(|| film.variance()),
-            depth: Some(firsts.iter().map(|f| f.depth).collect()),
-            label: Some(firsts.iter().map(|f| f.label).collect()),
+            variance: variance.transpose().map_err(memory)?,
+            depth: Some(collected(firsts.len(), firsts.iter().map(|f| f.depth), PICTURE).map_err(memory)?),
+            label: Some(collected(firsts.len(), firsts.iter().map(|f| f.label), PICTURE).map_err(memory)?),
             instance,
-            albedo: Some(image(|f| f.albedo)),
-            normal: Some(image(|f| f.normal)),
-            position: Some(image(|f| f.position)),
-            ..Picture::of(film.mean())
+            albedo: Some(image(|f| f.albedo)?),
+            normal: Some(image(|f| f.normal)?),
+            position: Some(image(|f| f.position)?),
+            ..Picture::of(film.mean().map_err(memory)?)
         };
-        let mut picture = film.passes_into(picture, self.scene.scene().film.passes);
+        let passes = self.scene.scene().film.passes;
+        let mut picture = film.passes_into(picture, passes).map_err(memory)?;
         name_mattes(&mut picture, self.scene.scene(), self.scene.volumes());
         name_labels(&mut picture, self.scene.scene(), self.scene.volumes());
         Ok(picture)

@@ -266,7 +266,7 @@ fn cut_open(traced: &[TracedInstance], cuts: &[CutShape], form: Form) -> SceneTr
     let built = traced.iter().enumerate().map(|(i, t)| {
         let made = VolumeTracer::new(i as u32, t).unwrap().with_cuts(cuts);
         let by_distance = matches!(t.lod, LodChoice::Distance { .. });
-        Arc::new(if form == Form::Bricks && !by_distance { made.with_bricks() } else { made })
+        Arc::new(if form == Form::Bricks && !by_distance { made.with_bricks().unwrap() } else { made })
     });
     SceneTracer::of(built.collect())
 }

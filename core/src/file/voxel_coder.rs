@@ -316,7 +316,10 @@ impl<'a> VoxelDecoder<'a> {
     }
 
     /// Pairs of labels that touch within the piece, in any order, as dense indices in the form of [`crate::contacts`].
-    pub(super) fn touching(self) -> Vec<u64> {
+    ///
+    /// # Errors
+    /// [`crate::NoMemory`].
+    pub(super) fn touching(self) -> Result<Vec<u64>, crate::NoMemory> {
         self.touching.into_vec()
     }
 }

@@ -213,7 +213,7 @@ fn decode_piece(
         job.advance(u64::from(w) * u64::from(h) * u64::from(layers));
     }
     match stream.is_at_end() {
-        true => Ok(stream.touching()),
+        true => Ok(stream.touching().map_err(Error::from)?),
         false => Err(fault(format!(
             "piece at {:?}: expected the end after its last slice, got more bytes",
             piece.origin

@@ -100,7 +100,7 @@ mod tests {
                 lod,
             };
             let tracer = VolumeTracer::new(0, &instance).unwrap();
-            let tracer = if with_bricks { tracer.with_bricks() } else { tracer };
+            let tracer = if with_bricks { tracer.with_bricks().unwrap() } else { tracer };
             assert_eq!(tracer.brick_bytes() > 0, with_bricks);
             for _ in 0..4000 {
                 let mut point =

@@ -95,7 +95,7 @@ impl Stage {
     pub(crate) fn cut(mut self, cuts: &[CutShape]) -> Self {
         let [only] = self.tracer.volumes() else { panic!("one volume") };
         let place = only.placement().world_from_index;
-        let again = only.again(0, place, LodChoice::Voxels).unwrap().unwrap();
+        let again = only.again(0, place, LodChoice::Voxels).unwrap();
         self.tracer = SceneTracer::of(vec![Arc::new(again.with_cuts(cuts))]);
         self
     }
@@ -155,7 +155,7 @@ impl Stage {
                     .with_meshes(self.tracer.meshes().to_vec());
                 let mut picture = PathTracer::new(tracer, around, &camera, &film).unwrap();
                 picture.add_samples(samples, &Job::default()).unwrap();
-                let mean = picture.film().mean();
+                let mean = picture.film().mean().unwrap();
                 let sum: Vec3 = mean.pixels.iter().map(|p| Vec3::from_array(*p)).sum();
                 f64::from(sum.element_sum()) / mean.pixels.len() as f64
             })

@@ -122,7 +122,7 @@ fn light_is_that_of_a_ball() {
         let scene = SceneTracer::of(Vec::new()).with_meshes(vec![Arc::new(tracer)]);
         let mut tracer = PathTracer::new(scene, around.clone(), &camera, &film).unwrap();
         tracer.add_samples(64, &pumice_core::Job::new()).unwrap();
-        let (picture, mut worst, mut compared) = (tracer.picture(), 0.0f32, 0);
+        let (picture, mut worst, mut compared) = (tracer.picture().unwrap(), 0.0f32, 0);
         for (i, color) in picture.color.pixels.iter().enumerate() {
             let at = |v: usize| (f64::from(v as u32) + 0.5) / f64::from(side) * 2.2 - 1.1;
             let (x, y) = (at(i % side as usize), -at(i / side as usize));

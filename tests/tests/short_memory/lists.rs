@@ -1,15 +1,20 @@
 //! Lists whose length comes from a volume, a mesh or a film: where there is no memory for one, it is an error, and with a little more it is made.
 
+use std::sync::Arc;
 use std::time::Duration;
 
+use glam::DAffine3;
 use pumice_core::{
     BlockSource, CompressOptions, CompressedVolume, Job, LabelBlock, LabelBuffer, LabelType, MeshData,
-    NoMemory, VolumeInfo, compress, compress_labels,
+    NoMemory, SortedCells, VolumeInfo, compress, compress_labels,
 };
+use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
 use pumice_oracle::volumes::Random;
+use pumice_picture::{FilmBuffer, PassSums, Passes};
 use pumice_scene::Adaptive;
-use pumice_transport::geometry::visible_boxes;
-use pumice_transport::{RenderError, Renderer};
+use pumice_transport::geometry::visible_boxes::visible_items;
+use pumice_transport::geometry::{LodChoice, visible_boxes};
+use pumice_transport::{RenderError, Renderer, Tracer as _};
 use pumice_vulkan::pack::{PackedBoxes, PackedMesh, PackedNodes};
 
 use super::{loaded, one_after_the_other, refusing, renderer, sky};
@@ -130,4 +135,97 @@ fn a_film_without_memory_to_decide_which_pixels_rest_is_an_error() {
     // The samples stay, and with the memory the film goes on. An even sky has no noise, so all pixels rest.
     let progress = drawn(480_000).unwrap();
     assert!(progress.all_rest && progress.spp == 4, "{progress:?}");
+}
+
+/// Boxes that are listed by number alone take 4 bytes each, and 32 with their label and bounds, from which their neighbours are found.
+#[test]
+fn neighbors_without_memory_are_an_error() {
+    let _turn = one_after_the_other();
+    let volume = Arc::new(compressed().unwrap());
+    let visible = vec![true; volume.labels().len()];
+    let refused = refusing(1_048_575, || visible_items(&volume, &visible)).unwrap_err();
+    assert_refused(&refused, "a list of the boxes that are shown needs 1.0 MB");
+    assert_eq!(refusing(1_048_576, || visible_items(&volume, &visible)).unwrap().len(), 64 * 64 * 64);
+
+    let traced =
+        TracedInstance { volume, world_from_index: DAffine3::IDENTITY, visible, lod: LodChoice::Voxels };
+    let smooth = |most| {
+        let tracer = VolumeTracer::new(0, &traced).unwrap();
+        refusing(most, || tracer.shaded_smooth(true))
+    };
+    assert_refused(&smooth(8_388_607).unwrap_err(), "the neighbours of boxes needs 8.4 MB");
+    // With the list, there is no memory for the map of the cells that boxes reach into, which is larger.
+    assert_refused(&smooth(8_388_608).unwrap_err(), "the neighbours of boxes needs 9.6 MB");
+    assert!(smooth(16 << 20).unwrap().is_smooth());
+}
+
+/// Each of 64³ voxels has a label of its own, so each of the 774,144 faces between two voxels is a pair of labels.
+#[test]
+fn labels_that_touch_without_memory_are_an_error() {
+    let _turn = one_after_the_other();
+    let volume = compressed().unwrap();
+    let found = || volume.find_contacts(&Job::new());
+    assert_refused(&refusing(9_000_000, found).unwrap_err(), "a list of the labels that touch needs 8.3 MB");
+    assert_eq!(refusing(16 << 20, found).unwrap().len(), 774_144);
+}
+
+/// Two parts of 131,072 cells of 16 bytes.
+#[test]
+fn merged_parts_without_memory_are_an_error() {
+    let _turn = one_after_the_other();
+    let part = |z| {
+        let labels = LabelBuffer::U8(vec![1; 256 * 256 * 128]);
+        SortedCells::from_block(&LabelBlock::x_fastest([0, 0, z], [256, 256, 128], labels), [256; 3]).unwrap()
+    };
+    let parts = [part(0), part(128)];
+    let merged = |most| refusing(most, || SortedCells::merge(&parts));
+    assert_refused(&merged(4_194_303).unwrap_err(), "a part of the volume, merged from several needs 4.2 MB");
+    assert_eq!(merged(4_194_304).unwrap().voxels(), 1 << 24);
+}
+
+/// Every pass of a film of 400 × 300 pixels: three numbers a pixel are 1.44 MB, one is 0.48 MB.
+#[test]
+fn passes_without_memory_are_an_error() {
+    const TRIPLE: usize = 1_440_000;
+    let _turn = one_after_the_other();
+    let mut scene = sky([400, 300]);
+    (scene.film.passes, scene.film.transparent) = (Passes::ALL, true);
+    let mut film = FilmBuffer::with_passes(400, 300, PassSums::of(&scene.film, false)).unwrap();
+    film.sums_mut(4);
+    let all = scene.film.passes;
+    let refused = |most, made: &dyn Fn() -> Option<NoMemory>, megabytes: &str| {
+        let error = refusing(most - 1, made).expect("less memory than it takes");
+        assert_refused(&error, &format!("film: the picture needs {megabytes}B"));
+        assert_eq!(refusing(most, made), None);
+    };
+    refused(TRIPLE, &|| film.mean().err(), "1.4 M");
+    refused(TRIPLE, &|| film.variance().err(), "1.4 M");
+    refused(TRIPLE, &|| film.features().err(), "1.4 M");
+    refused(TRIPLE, &|| film.light(all).err(), "1.4 M");
+    refused(TRIPLE / 3, &|| film.alpha().err(), "480.0 k");
+    // A Vec a pixel for the ranks, 24 bytes.
+    refused(2 * TRIPLE, &|| film.mattes().err(), "2.9 M");
+    // With shadow catchers, pixels are composited.
+    let mut caught = FilmBuffer::with_passes(400, 300, PassSums::of(&scene.film, true)).unwrap();
+    caught.sums_mut(4);
+    refused(TRIPLE, &|| caught.mean().err(), "1.4 M");
+    refused(TRIPLE / 3, &|| caught.alpha().err(), "480.0 k");
+}
+
+/// What is found of the first surface of a pixel takes 48 bytes.
+#[test]
+fn a_picture_without_memory_is_an_error() {
+    let _turn = one_after_the_other();
+    let mut renderer = renderer();
+    renderer.set_scene(&loaded(&sky([400, 300]))).unwrap();
+    renderer.advance(Duration::from_secs(3600), 4, &Job::new()).unwrap();
+    let refused = refusing(5_759_999, || renderer.picture()).unwrap_err();
+    assert_refused(&refused, "film: the picture needs 5.8 MB");
+    assert_eq!(refusing(5_760_000, || renderer.picture()).unwrap().color.width, 400);
+    let refused = refusing(1_439_999, || renderer.color()).unwrap_err();
+    assert_refused(&refused, "film: the picture needs 1.4 MB");
+    assert_refused(
+        &refusing(1_439_999, || renderer.variance()).unwrap_err(),
+        "film: the picture needs 1.4 MB",
+    );
 }

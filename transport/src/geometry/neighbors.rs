@@ -9,7 +9,13 @@
 
 use std::collections::HashMap;
 
+use pumice_core::NoMemory;
+use pumice_core::reserve::{make_room, make_room_in_map, reserved, zeroed};
+
 use crate::BoxBounds;
+
+/// What memory is for, in errors.
+const WHAT: &str = "the neighbours of boxes";
 
 /// How far the surroundings of a face reach, in voxels.
 pub const REACH: u32 = 3;
@@ -25,36 +31,53 @@ pub struct Neighbors {
 }
 
 impl Neighbors {
-    /// Builds the lists of `count` boxes; `drawn` gives the drawn boxes as (index, label, bounds).
-    pub fn new(count: usize, drawn: &[(u32, u32, BoxBounds)]) -> Self {
-        // Boxes by the cells that they reach into.
-        let mut by_cell = HashMap::<(u32, [u32; 3]), Vec<usize>>::new();
+    /// Builds the lists of `count` boxes; `drawn` gives the drawn boxes as (index, label, bounds), by rising index.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn new(count: usize, drawn: &[(u32, u32, BoxBounds)]) -> Result<Self, NoMemory> {
+        // For each cell that boxes of a label reach into, the last of these boxes; and before each box, the one before it in that cell. Boxes
+        // are at most 16 voxels wide and begin at multiples of 4, so each reaches into up to eight cells.
+        let mut last_in = HashMap::<(u32, [u32; 3]), u32>::new();
+        let mut links: Vec<(u32, u32)> = reserved(drawn.len(), WHAT)?;
         for (at, &(_, label, bounds)) in drawn.iter().enumerate() {
-            cells(bounds, |cell| by_cell.entry((label, cell)).or_default().push(at));
+            cells(bounds, |cell| {
+                make_room_in_map(&mut last_in, WHAT)?;
+                make_room(&mut links, 1, WHAT)?;
+                let before = last_in.insert((label, cell), links.len() as u32);
+                links.push((at as u32, before.unwrap_or(NONE)));
+                Ok(())
+            })?;
         }
-        let mut of = vec![Vec::new(); count];
+        let mut end_offsets: Vec<u32> = zeroed(count, WHAT)?;
+        let (mut boxes, mut found): (Vec<u32>, Vec<u32>) = (Vec::new(), Vec::new());
+        let mut next = 0;
         for &(number, label, bounds) in drawn {
             let wide = BoxBounds {
                 lo: bounds.lo.map(|v| v.saturating_sub(REACH)),
                 hi: bounds.hi.map(|v| v.saturating_add(REACH)),
             };
-            let found: &mut Vec<u32> = &mut of[number as usize];
+            found.clear();
             cells(wide, |cell| {
-                let here = by_cell.get(&(label, cell)).into_iter().flatten();
-                let near = here
-                    .map(|&at| &drawn[at])
-                    .filter(|(_, _, b)| (0..3).all(|a| b.lo[a] < wide.hi[a] && wide.lo[a] < b.hi[a]));
-                found.extend(near.map(|(number, ..)| number));
-            });
+                let mut link = last_in.get(&(label, cell)).copied().unwrap_or(NONE);
+                while let Some(&(at, before)) = links.get(link as usize) {
+                    let (other, _, b) = &drawn[at as usize];
+                    if (0..3).all(|a| b.lo[a] < wide.hi[a] && wide.lo[a] < b.hi[a]) {
+                        found.push(*other);
+                    }
+                    link = before;
+                }
+                Ok(())
+            })?;
             found.sort_unstable();
             found.dedup();
+            end_offsets[next..number as usize].fill(boxes.len() as u32);
+            next = number as usize;
+            make_room(&mut boxes, found.len(), WHAT)?;
+            boxes.extend_from_slice(&found);
         }
-        let mut end = 0;
-        let ends = of.iter().map(|found| {
-            end += found.len() as u32;
-            end
-        });
-        Self { end_offsets: ends.collect(), boxes: of.concat() }
+        end_offsets[next..].fill(boxes.len() as u32);
+        Ok(Self { end_offsets, boxes })
     }
 
     /// Indices of the boxes near this box, itself included.
@@ -81,16 +104,20 @@ impl Neighbors {
     }
 }
 
+/// The end of a chain of boxes in a cell.
+const NONE: u32 = u32::MAX;
+
 /// Calls `visit` for each cell that the bounds reach into.
-fn cells(bounds: BoxBounds, mut visit: impl FnMut([u32; 3])) {
+fn cells(bounds: BoxBounds, mut visit: impl FnMut([u32; 3]) -> Result<(), NoMemory>) -> Result<(), NoMemory> {
     let [lo, hi] = [bounds.lo.map(|v| v >> CELL_SHIFT), bounds.hi.map(|v| v.saturating_sub(1) >> CELL_SHIFT)];
     for z in lo[2]..=hi[2] {
         for y in lo[1]..=hi[1] {
             for x in lo[0]..=hi[0] {
-                visit([x, y, z]);
+                visit([x, y, z])?;
             }
         }
     }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -112,7 +139,7 @@ mod tests {
                 (2 * i, random(3), BoxBounds { lo, hi })
             })
             .collect();
-        let found = Neighbors::new(801, &drawn);
+        let found = Neighbors::new(801, &drawn).unwrap();
         let mut several = 0;
         for &(number, label, a) in &drawn {
             let near = |b: &BoxBounds| (0..3).all(|i| a.lo[i] < b.hi[i] + REACH && b.lo[i] < a.hi[i] + REACH);

@@ -3,10 +3,13 @@
 use std::ops::Range;
 
 use crate::BoxBounds;
-use pumice_core::reserve::reserved;
+use pumice_core::reserve::{collected, reserved};
 use pumice_core::{CompressedVolume, NoMemory};
 
 use super::each_axis;
+
+/// What memory is for, in errors.
+const SHOWN: &str = "a list of the boxes that are shown";
 
 /// Bounds and index of each box of a visible label, in the volume's order. `tight` bounds enclose the box's voxels only.
 ///
@@ -17,16 +20,18 @@ pub fn visible_boxes(
     visible: &[bool],
     tight: bool,
 ) -> Result<Vec<(BoxBounds, u32)>, NoMemory> {
-    let mut boxes = reserved(count_visible(volume, visible) as usize, "a list of the boxes that are shown")?;
+    let mut boxes = reserved(count_visible(volume, visible) as usize, SHOWN)?;
     for_each_visible_box(volume, visible, tight, |bounds, item| boxes.push((bounds, item)));
     Ok(boxes)
 }
 
 /// Indices of the boxes of visible labels, rising.
-pub fn visible_items(volume: &CompressedVolume, visible: &[bool]) -> Vec<u32> {
-    let mut items = Vec::with_capacity(count_visible(volume, visible) as usize);
-    items.extend(visible_ranges(volume, visible).flatten().map(|item| item as u32));
-    items
+///
+/// # Errors
+/// [`NoMemory`].
+pub fn visible_items(volume: &CompressedVolume, visible: &[bool]) -> Result<Vec<u32>, NoMemory> {
+    let items = visible_ranges(volume, visible).flatten().map(|item| item as u32);
+    collected(count_visible(volume, visible) as usize, items, SHOWN)
 }
 
 /// Calls `visit` with what [`visible_boxes`] lists.

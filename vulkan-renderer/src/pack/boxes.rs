@@ -1,6 +1,6 @@
 //! Packs the boxes that are drawn, in Morton order for the hierarchies, and the record of their instance.
 
-use pumice_core::reserve::reserved;
+use pumice_core::reserve::{collected, reserved};
 use pumice_core::{BoxRecord, CompressedVolume, NoMemory, morton};
 use pumice_transport::geometry::{Detail, LodChoice, Neighbors, Placement, visible_boxes};
 use pumice_transport::{BoxBounds, RenderError};
@@ -131,10 +131,14 @@ impl PackedBoxes {
     }
 
     /// For each box, the near boxes of the same label: ends of lists, then the lists. Smooth voxel normals need them.
-    pub fn neighbors(&self) -> Vec<u32> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn neighbors(&self) -> Result<Vec<u32>, NoMemory> {
         let drawn = self.bounds.iter().zip(&self.labels).zip(0..).map(|((&b, &label), i)| (i, label, b));
-        let near = Neighbors::new(self.boxes.len(), &drawn.collect::<Vec<_>>());
-        [near.end_offsets(), near.boxes()].concat()
+        let near = Neighbors::new(self.boxes.len(), &collected(self.boxes.len(), drawn, BOXES)?)?;
+        let (ends, boxes) = (near.end_offsets(), near.boxes());
+        collected(ends.len() + boxes.len(), ends.iter().chain(boxes).copied(), BOXES)
     }
 
     /// Bounds for hardware's hierarchies, in index space: lowest and highest corner. They are wider than the boxes by more than the

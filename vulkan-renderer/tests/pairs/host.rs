@@ -438,6 +438,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("FilmBuffer::mean", SHOWN),
             ("FilmBuffer::variance", SHOWN),
             ("FilmBuffer::picture_of", SHOWN),
+            ("FilmBuffer::each_pixel", SHOWN),
             ("FilmBuffer::error_estimate_of", SHOWN),
             ("FilmBuffer::squared_errors_of", SHOWN),
             ("FilmBuffer::error_estimate", SHOWN),

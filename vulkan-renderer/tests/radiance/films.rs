@@ -88,9 +88,9 @@ fn films_are_the_cpus_and_alike_on_the_days_backends() {
         let mut other = case.clone();
         other.around.settings.seed += 1;
         let (a, b) = (film_of(&case, &first), cpu_film(&other));
-        let [variance_a, variance_b] = [a.variance(), b.variance()];
+        let [variance_a, variance_b] = [a.variance().unwrap(), b.variance().unwrap()];
         let of = |of_mean| Variance { of_mean, degrees_of_freedom: f64::from(CLASSES - 1) };
-        let welch = significance(&a.mean(), &b.mean(), of(&variance_a), of(&variance_b));
+        let welch = significance(&a.mean().unwrap(), &b.mean().unwrap(), of(&variance_a), of(&variance_b));
         assert_eq!(welch.rejected, 0, "{}: {welch:?}", case.name);
         let errors = welch.mean_difference_in_standard_errors;
         assert!(errors.iter().all(|e| e.abs() < 4.0), "{}: {welch:?}", case.name);

@@ -45,7 +45,7 @@ impl Case {
     pub(crate) fn tracer(&self) -> SceneTracer {
         let smooth = self.around.settings.smooth_voxels;
         let volumes = (0u32..).zip(&self.traced).map(|(i, traced)| {
-            Arc::new(VolumeTracer::new(i, traced).expect("a tracer").shaded_smooth(smooth))
+            Arc::new(VolumeTracer::new(i, traced).expect("a tracer").shaded_smooth(smooth).unwrap())
         });
         let volumes = SceneTracer::of(volumes.collect());
         let meshes = (0u32..).zip(&self.meshes).map(|(i, (mesh, place))| {

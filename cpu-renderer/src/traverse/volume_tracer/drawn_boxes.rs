@@ -3,7 +3,7 @@
 //! Bricks answer every query, so a volume that has them needs no hierarchy: without it a cortex of 512³ voxels takes 1.7 MB less. Levels of
 //! detail that depend on distance change with the camera from bricks to boxes and back, so there the hierarchy is kept.
 
-use pumice_core::CompressedVolume;
+use pumice_core::{CompressedVolume, NoMemory};
 use pumice_transport::geometry::visible_boxes::{for_each_visible_box, visible_boxes, visible_items};
 use pumice_transport::{BoxBounds, Bvh, RenderError};
 
@@ -62,7 +62,10 @@ impl DrawnBoxes {
     }
 
     /// Indices of the boxes, rising.
-    pub(super) fn items(&self, volume: &CompressedVolume) -> Vec<u32> {
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(super) fn items(&self, volume: &CompressedVolume) -> Result<Vec<u32>, NoMemory> {
         visible_items(volume, &self.labels)
     }
 

@@ -3,7 +3,8 @@
 use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
-use pumice_core::CompressedVolume;
+use pumice_core::reserve::collected;
+use pumice_core::{CompressedVolume, NoMemory};
 use pumice_scene::CutShape;
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::geometry::bricks::Bricks;
@@ -42,7 +43,7 @@ impl VolumeTracer {
     pub fn in_bricks(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
         let is_tight = traced.lod == LodChoice::Voxels;
         Self::of_boxes(instance, traced, || Ok(DrawnBoxes::alone(&traced.volume, &traced.visible, is_tight)))?
-            .with_bricks()
+            .with_bricks()?
             .complete()
     }
 
@@ -102,15 +103,19 @@ impl VolumeTracer {
 
     /// Adds bricks, which make rays faster. Adds none where boxes have different levels, or where the volume is too sparse. See also
     /// [`VolumeTracer::in_bricks`].
-    #[must_use]
-    pub fn with_bricks(mut self) -> Self {
+    ///
+    /// # Errors
+    /// [`RenderError::Memory`] where there is none for the list of the boxes that are drawn.
+    pub fn with_bricks(mut self) -> Result<Self, RenderError> {
         self.wants_bricks = true;
         // (Existing bricks are kept if they have the right level.)
         if self.bricks.as_ref().map(|bricks| bricks.level()) != self.level {
-            let made = self.level.and_then(|level| Bricks::new(&self.volume, &self.drawn(), level));
-            self.bricks = made.map(Arc::new);
+            self.bricks = match self.level {
+                Some(level) => Bricks::new(&self.volume, &self.drawn()?, level).map(Arc::new),
+                None => None,
+            };
         }
-        self
+        Ok(self)
     }
 
     /// Cuts these parts of the world away, and restores what was cut away before.
@@ -121,20 +126,22 @@ impl VolumeTracer {
     }
 
     /// Shades voxels with smooth normals, or with those of their faces.
-    #[must_use]
-    pub fn shaded_smooth(mut self, is_smooth: bool) -> Self {
+    ///
+    /// # Errors
+    /// [`RenderError::Memory`] where there is none for the neighbours of boxes.
+    pub fn shaded_smooth(mut self, is_smooth: bool) -> Result<Self, RenderError> {
         if !is_smooth {
             self.neighbors = None;
         } else if self.neighbors.is_none() {
-            let drawn = self.drawn();
-            let drawn = drawn.iter().map(|&item| {
+            let items = self.drawn()?;
+            let drawn = items.iter().map(|&item| {
                 let b = self.box_of(item);
                 (item, self.label_of(item), BoxBounds { lo: b.origin, hi: self.clipped_end(&b) })
             });
-            let drawn: Vec<_> = drawn.collect();
-            self.neighbors = Some(Arc::new(Neighbors::new(self.volume.boxes().len(), &drawn)));
+            let drawn = collected(items.len(), drawn, "the neighbours of boxes")?;
+            self.neighbors = Some(Arc::new(Neighbors::new(self.volume.boxes().len(), &drawn)?));
         }
-        self
+        Ok(self)
     }
 
     /// Parts that are cut away.
@@ -174,7 +181,7 @@ impl VolumeTracer {
             widest: self.widest.clone(),
             neighbors: self.neighbors.clone(),
         };
-        if self.wants_bricks { again.with_bricks().complete().map(Some) } else { Ok(Some(again)) }
+        if self.wants_bricks { again.with_bricks()?.complete().map(Some) } else { Ok(Some(again)) }
     }
 
     /// Size on the heap in bytes of the hierarchy, the bricks, and the neighbours for smooth shading; and of the hierarchy and bricks of
@@ -192,10 +199,13 @@ impl VolumeTracer {
     }
 
     /// Indices of the boxes that are drawn, rising.
-    pub fn drawn(&self) -> Vec<u32> {
-        let mut items = self.boxes.items(&self.volume);
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn drawn(&self) -> Result<Vec<u32>, NoMemory> {
+        let mut items = self.boxes.items(&self.volume)?;
         items.retain(|&item| !self.is_hidden(item));
-        items
+        Ok(items)
     }
 
     /// The volume.
