@@ -2,6 +2,7 @@
 
 use pumice_scene::Scene;
 
+use crate::annotate::Corner;
 use crate::cryptomatte::{Matte, hash, id_of_hash};
 use crate::denoise::Denoiser;
 use crate::{Annotations, Image, InstanceLabels, Pass, Picture, Provenance};
@@ -37,6 +38,7 @@ pub(crate) fn provenance() -> Provenance {
         annotations: Annotations {
             dpi: Some(300.0),
             scale_bar: "10um@center".parse().ok(),
+            scale_bar_corner: Corner::UpperRight,
             legend: Some(12),
         },
     }

@@ -81,6 +81,7 @@ class AnnotateAs(NamedTuple):
     width_mm: float | None
     dpi: float | None
     scale_bar: str | None
+    scale_bar_corner: str
     legend: int | None
 
 
@@ -262,11 +263,15 @@ def render_as(backend: str, spp: int | None, seconds: float | None, error: float
     return RenderAs(backend, *limits(spp, seconds, error))
 
 
-def annotate_as(width_mm: float | None, dpi: float | None, scale_bar: str | None, legend: int | None) -> AnnotateAs:
-    """Size on paper, scale bar and legend, checked; the compiled part reads the text of the bar."""
+def annotate_as(
+    width_mm: float | None, dpi: float | None, scale_bar: str | None, scale_bar_corner: str, legend: int | None
+) -> AnnotateAs:
+    """Size on paper, scale bar and legend, checked; the compiled part reads the texts of the bar and of its corner."""
     for name, length in (("width_mm", width_mm), ("dpi", dpi)):
         if length is not None and not (isinstance(length, numbers.Real) and 0 < length < float("inf")):
             raise InputError(f"{name}: expected a number above 0, got {length!r}")
     if scale_bar is not None and not isinstance(scale_bar, str):
         raise InputError(f"scale_bar: expected a text such as '10um', got {scale_bar!r}")
-    return AnnotateAs(width_mm, dpi, scale_bar, None if legend is None else whole("legend", legend, 1, MOST_32))
+    if not isinstance(scale_bar_corner, str):
+        raise InputError(f"scale_bar_corner: expected a text such as 'lower_left', got {scale_bar_corner!r}")
+    return AnnotateAs(width_mm, dpi, scale_bar, scale_bar_corner, None if legend is None else whole("legend", legend, 1, MOST_32))

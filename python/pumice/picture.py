@@ -220,6 +220,7 @@ def render(
     width_mm: float | None = None,
     dpi: float | None = None,
     scale_bar: str | None = None,
+    scale_bar_corner: str = "lower_right",
     legend: int | None = None,
     denoise: bool = False,
     job: Job | None = None,
@@ -233,14 +234,14 @@ def render(
     `backend`: `auto`, `cpu`, or one of Vulkan's, alone or with its device: `vulkan-rt`, `vulkan-query:1`, `vulkan-compute:radeon`
     (see `devices`). If a device fails, `auto` continues with the next backend and issues a `PumiceWarning`.
     `width_mm`: width on paper, which sets the pixels across at `dpi` (default 300); the height follows from the shape of the scene's film.
-    `dpi`: pixels per inch that files of the picture state. `scale_bar`: a bar in the lower right corner, such as `10um` or `auto`, in a
-    perspective view with its plane: `10um@center`, `auto@focus`, `10um@12.5`. `legend`: names and colours of at most so many shown labels, most
+    `dpi`: pixels per inch that files of the picture state. `scale_bar`: a bar, such as `10um` or `auto`, in a perspective view with its plane:
+    `10um@center`, `auto@focus`, `10um@12.5`. `scale_bar_corner`: `lower_right`, `lower_left`, `upper_right` or `upper_left`. `legend`: names and colours of at most so many shown labels, most
     voxels first, in the upper left corner, beside which `figure(…, legend=…)` frames what it shows. Both are in `save` and `srgb` and not in
     `color` and the passes. `denoise`: averages pixels of one label that a statistical test cannot tell apart. The picture is then smoother, and biased;
     `noisy` is the mean of its samples. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
     """
     require_end(scene, spp, seconds, error)
-    annotate = arguments.annotate_as(width_mm, dpi, scale_bar, legend)
+    annotate = arguments.annotate_as(width_mm, dpi, scale_bar, scale_bar_corner, legend)
     how = arguments.render_as(backend, spp, seconds, error)
     native = _native.render(
         scene._native,

@@ -211,15 +211,19 @@ pub(crate) struct AnnotateAs {
     width_mm: Option<f64>,
     dpi: Option<f64>,
     scale_bar: Option<String>,
+    scale_bar_corner: String,
     legend: Option<u32>,
 }
 
 impl AnnotateAs {
     fn annotations(&self) -> PyResult<Annotations> {
         let scale_bar = self.scale_bar.as_ref().map(|text| text.parse::<ScaleBar>()).transpose();
+        let scale_bar_corner = self.scale_bar_corner.parse();
         Ok(Annotations {
             dpi: self.dpi.or(self.width_mm.map(|_| DEFAULT_DPI)),
             scale_bar: scale_bar.map_err(|e| input(&format_args!("scale_bar: {e}")))?,
+            scale_bar_corner: scale_bar_corner
+                .map_err(|e: String| input(&format_args!("scale_bar_corner: {e}")))?,
             legend: self.legend,
         })
     }

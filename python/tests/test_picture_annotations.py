@@ -44,6 +44,15 @@ def test_a_figure_with_a_legend_shows_its_labels_beside_it(volume):
     assert pictures[None][0].sum() > 100
 
 
+@pytest.mark.parametrize("corner", [None, "lower_right", "lower_left", "upper_right", "upper_left"])
+def test_a_scale_bar_stands_in_its_corner_alone(scene, volume, corner):
+    wishes = {} if corner is None else {"scale_bar_corner": corner}
+    plain, marked = (pumice.render(scene, volume, spp=1, backend="cpu", dpi=100, scale_bar=bar, **wishes) for bar in (None, "auto"))
+    rows, columns = np.nonzero((plain.srgb() != marked.srgb()).any(axis=-1))
+    is_upper, is_left = (corner or "lower_right").startswith("upper"), (corner or "lower_right").endswith("left")
+    assert len(rows) > 50 and ((rows < 100) == is_upper).all() and ((columns < 150) == is_left).all()
+
+
 def test_a_width_in_millimetres_sets_the_pixels(scene, volume):
     picture = pumice.render(scene, volume, spp=1, backend="cpu", width_mm=20, dpi=100)
     # 20 mm at 100 dpi are 78.7 pixels, in the shape 3 : 2.
@@ -63,6 +72,9 @@ def test_a_width_in_millimetres_sets_the_pixels(scene, volume):
         ({"scale_bar": 10}, "scale_bar: expected a text"),
         ({"scale_bar": "10 miles"}, "scale_bar: expected a length with nm"),
         ({"scale_bar": "1m"}, "scale bar 1m: it would be"),
+        ({"scale_bar": "1mm", "scale_bar_corner": "middle"}, "scale_bar_corner: expected lower-right, lower-left"),
+        ({"scale_bar": "1mm", "scale_bar_corner": None}, "scale_bar_corner: expected a text"),
+        ({"scale_bar": "auto", "scale_bar_corner": "upper_left", "legend": 3}, "the legend is in the upper left corner"),
         ({"legend": 0}, "legend: expected 1 to"),
         ({"legend": 2.5}, "legend: expected a whole number"),
         ({"legend": 3, "dpi": 5000}, "legend: a picture of 300 × 200 pixels at 5000 dpi has no room"),

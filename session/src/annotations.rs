@@ -10,7 +10,7 @@ use glam::DVec3;
 use pumice_core::{CompressedVolume, Unit};
 use pumice_picture::Annotations;
 use pumice_picture::annotate::{
-    BarLength, BarPlane, DEFAULT_DPI, LegendRow, Mark, Paper, legend_marks, length_text, meters_of,
+    BarLength, BarPlane, Corner, DEFAULT_DPI, LegendRow, Mark, Paper, legend_marks, length_text, meters_of,
     missing_characters, reach_of, round_length, scale_bar_marks,
 };
 use pumice_scene::{Instance, Mode};
@@ -87,7 +87,11 @@ pub fn lay_out(loaded: &LoadedScene, wishes: &Annotations) -> Result<LaidOut> {
     if let Some(bar) = &wishes.scale_bar {
         let refuse = |what| SessionError::Caller(format!("scale bar {bar}: {what}"));
         let (length_px, said) = measured(loaded, bar.length, bar.plane).map_err(refuse)?;
-        laid.marks.extend(scale_bar_marks(&paper, length_px, &said).map_err(refuse)?);
+        let corner = wishes.scale_bar_corner;
+        if wishes.legend.is_some() && corner == Corner::UpperLeft {
+            return Err(refuse("the legend is in the upper left corner; expected another one".into()));
+        }
+        laid.marks.extend(scale_bar_marks(&paper, corner, length_px, &said).map_err(refuse)?);
     }
     Ok(laid)
 }
@@ -469,5 +473,25 @@ mod tests {
         let bar = ScaleBar { length: BarLength::Given(5.0, None), plane: None };
         let wishes = Annotations { dpi: Some(30.0), scale_bar: Some(bar), ..Annotations::default() };
         assert!(!lay_out(&parallel, &wishes).unwrap().marks.is_empty());
+    }
+
+    #[test]
+    fn a_bar_is_in_its_corner_and_never_on_the_legend() {
+        let mut large = scene(PARALLEL);
+        (large.film.width, large.film.height) = (400, 200);
+        let large = micrometres(large);
+        let bar = ScaleBar { length: BarLength::Given(2.0, None), plane: None };
+        let laid = |corner, legend| {
+            let wishes =
+                Annotations { dpi: Some(100.0), scale_bar: Some(bar), scale_bar_corner: corner, legend };
+            lay_out(&large, &wishes).map_err(|error| error.to_string())
+        };
+        let left = |corner| laid(corner, None).unwrap().marks[0].left;
+        assert_eq!(left(Corner::LowerLeft), 15, "4 mm at 100 dpi are 15.7 pixels");
+        assert!(left(Corner::LowerRight) > 200 && left(Corner::default()) == left(Corner::LowerRight));
+        let refused = laid(Corner::UpperLeft, Some(3)).unwrap_err();
+        assert!(refused.contains("scale bar 2: the legend is in the upper left corner"), "{refused}");
+        // A control: each alone, and both in two corners.
+        assert!(laid(Corner::UpperLeft, None).is_ok() && laid(Corner::UpperRight, Some(3)).is_ok());
     }
 }

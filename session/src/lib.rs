@@ -55,7 +55,7 @@ pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
 pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout, Recorded, Warnings};
-pub use pumice_picture::annotate::{Annotations, DEFAULT_DPI, ScaleBar, pixels_of_mm};
+pub use pumice_picture::annotate::{Annotations, Corner, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;

@@ -57,6 +57,7 @@ OPTIONS = {
         "--turntable": "with --again, with --explain, and for scenes",
         "--width-mm": "with --again, and with --size",
         **dict.fromkeys(["--dpi", "--scale-bar", "--legend"], "with --again"),
+        "--scale-bar-corner": "with --again, and without --scale-bar",
         "--source": "without --again",
         **READING,
     },

@@ -1,4 +1,5 @@
-//! What is drawn over a finished picture: a scale bar in its lower right corner, a legend in its upper left one.
+//! What is drawn over a finished picture: a scale bar in a corner, the lower right one unless another is asked for, and a legend in its
+//! upper left one.
 //!
 //! ```text
 //! Annotations  ── pumice-session knows scene and volumes ──► length of the bar in pixels, rows of the legend
@@ -24,7 +25,7 @@ pub use legend::{LegendRow, legend_marks, reach_of};
 pub use mark::Mark;
 pub use paper::{DEFAULT_DPI, Paper, pixels_of_mm};
 pub use scale_bar::{length_text, meters_of, round_length, scale_bar_marks};
-pub use settings::{Annotations, BarLength, BarPlane, ScaleBar};
+pub use settings::{Annotations, BarLength, BarPlane, Corner, ScaleBar};
 pub use text::missing_characters;
 
 pub(crate) use ink::Inks;

@@ -1,4 +1,4 @@
-//! The scale bar: a bar in the lower right corner, with its length as text above it.
+//! The scale bar: a bar in a corner, with its length as text above it.
 //!
 //! Layout, words and the choice of a round length are those of the add-on for Blender (`scale_bar.py`).
 
@@ -7,6 +7,7 @@ use pumice_core::Unit;
 use super::ink::Ink;
 use super::mark::Mark;
 use super::paper::{MARGIN_MM, Paper, TEXT_MM};
+use super::settings::Corner;
 use super::text;
 
 const THICKNESS_MM: f64 = 0.7;
@@ -49,11 +50,11 @@ fn six_digits(value: f64) -> String {
     if text.contains('.') { text.trim_end_matches('0').trim_end_matches('.').to_owned() } else { text }
 }
 
-/// The marks of a bar of `length` pixels that says `said`.
+/// The marks of a bar of `length` pixels in a corner that says `said`.
 ///
 /// # Errors
 /// One line: the bar does not fit the picture.
-pub fn scale_bar_marks(paper: &Paper, length: f64, said: &str) -> Result<Vec<Mark>, String> {
+pub fn scale_bar_marks(paper: &Paper, corner: Corner, length: f64, said: &str) -> Result<Vec<Mark>, String> {
     let [margin, thickness, gap, size] = [MARGIN_MM, THICKNESS_MM, GAP_MM, TEXT_MM].map(|mm| paper.px(mm));
     let room = paper.width - 2.0 * margin;
     if room < 1.0 {
@@ -68,17 +69,21 @@ pub fn scale_bar_marks(paper: &Paper, length: f64, said: &str) -> Result<Vec<Mar
     }
     let thickness = thickness.round().max(1.0);
     // Its upper and lower sides lie between pixels; its ends are where its length has them.
-    let top = (paper.height - margin - thickness).round();
-    let right = paper.width - margin;
+    let top = match corner.is_upper() {
+        true => margin + text::CAPITAL * size + gap,
+        false => paper.height - margin - thickness,
+    };
+    let top = top.round();
     let width = text::width_of(said, size)?;
-    if width > room || top - gap - text::CAPITAL * size < 0.0 {
+    let left_of = |wide: f64| if corner.is_left() { margin } else { paper.width - margin - wide };
+    if width > room || top - gap - text::CAPITAL * size < 0.0 || top + thickness > paper.height {
         return Err(format!(
             "its text {said:?} does not fit a picture of {:.0} × {:.0} pixels at {:.0} dpi",
             paper.width, paper.height, paper.dpi
         ));
     }
-    let mut marks = vec![Mark::rectangle([right - length, top], [length, thickness], Ink::ScaleBar)];
-    marks.extend(text::line(said, size, [right - width, top - gap], Ink::ScaleBar)?);
+    let mut marks = vec![Mark::rectangle([left_of(length), top], [length, thickness], Ink::ScaleBar)];
+    marks.extend(text::line(said, size, [left_of(width), top - gap], Ink::ScaleBar)?);
     Ok(marks)
 }
 
@@ -88,10 +93,38 @@ mod tests {
 
     const PAPER: Paper = Paper { width: 960.0, height: 540.0, dpi: 300.0 };
 
+    fn marks(corner: Corner, length: f64, said: &str) -> Result<Vec<Mark>, String> {
+        scale_bar_marks(&PAPER, corner, length, said)
+    }
+
+    /// Bar and text keep the margin of 4 mm, 47.2 pixels, to both sides of their corner, and the text is above the bar.
+    #[test]
+    fn the_bar_is_in_its_corner() {
+        const MARGIN: f64 = 47.24;
+        for corner in [Corner::LowerRight, Corner::LowerLeft, Corner::UpperRight, Corner::UpperLeft] {
+            let made = marks(corner, 411.81, "10 µm").unwrap();
+            let bottom = |mark: &Mark| mark.top + (mark.coverage.len() / mark.width) as i64;
+            let left = made.iter().map(|mark| mark.left).min().unwrap() as f64;
+            let right = made.iter().map(|mark| mark.left + mark.width as i64).max().unwrap() as f64;
+            let [upper, lower] = [made.iter().map(|m| m.top).min(), made.iter().map(bottom).max()];
+            let ends = if corner.is_left() { left - MARGIN } else { 960.0 - right - MARGIN };
+            let [upper, lower] = [upper.unwrap() as f64, lower.unwrap() as f64];
+            let above = if corner.is_upper() { upper - MARGIN } else { 540.0 - lower - MARGIN };
+            // Sides lie between pixels, half a pixel off, and a round letter is a row of pixels higher than its capitals.
+            assert!(ends.abs() <= 1.0 && above.abs() <= 2.0, "{corner}: {ends} and {above} off");
+            assert!(made[1..].iter().all(|text| bottom(text) <= made[0].top), "{corner}");
+            // The text begins, or ends, where the bar does.
+            let side = |mark: &Mark| if corner.is_left() { mark.left } else { mark.left + mark.width as i64 };
+            let of_text = made[1..].iter().map(side);
+            let nearest = if corner.is_left() { of_text.min() } else { of_text.max() }.unwrap();
+            assert!((nearest - side(&made[0])).abs() <= 3, "{corner}: {nearest}");
+        }
+    }
+
     #[test]
     fn the_bar_is_as_long_as_asked_to_a_thousandth_of_a_pixel() {
         for length in [1.0, 37.3, 200.0, 411.81] {
-            let bar = scale_bar_marks(&PAPER, length, "10 µm").unwrap().remove(0);
+            let bar = marks(Corner::default(), length, "10 µm").unwrap().remove(0);
             let rows = bar.coverage.chunks(bar.width);
             assert_eq!(rows.len(), 8, "0.7 mm at 300 dpi");
             for row in rows {
@@ -112,11 +145,16 @@ mod tests {
             (f64::NAN, "pixels"),
             (f64::INFINITY, "pixels"),
         ] {
-            let error = scale_bar_marks(&PAPER, length, "1 m").unwrap_err();
+            let error = marks(Corner::default(), length, "1 m").unwrap_err();
             assert!(error.contains(said) && !error.contains('\n'), "{error}");
         }
         let narrow = Paper { width: 200.0, ..PAPER };
-        assert!(scale_bar_marks(&narrow, 20.0, "10 µm (middle)").unwrap_err().contains("does not fit"));
+        let told = |paper, corner| scale_bar_marks(paper, corner, 20.0, "10 µm (middle)").unwrap_err();
+        assert!(told(&narrow, Corner::LowerRight).contains("does not fit"));
+        let low = Paper { height: 70.0, ..PAPER };
+        for corner in [Corner::LowerLeft, Corner::UpperLeft] {
+            assert!(told(&low, corner).contains("does not fit"), "{corner}");
+        }
     }
 
     #[test]

@@ -16,6 +16,9 @@ pub struct Annotations {
     /// A scale bar.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub scale_bar: Option<ScaleBar>,
+    /// Where the scale bar is.
+    #[serde(skip_serializing_if = "Corner::is_default")]
+    pub scale_bar_corner: Corner,
     /// A legend with at most this many labels.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub legend: Option<u32>,
@@ -25,6 +28,78 @@ impl Annotations {
     /// Whether nothing is wished for.
     pub fn is_empty(&self) -> bool {
         *self == Self::default()
+    }
+}
+
+/// A corner of the picture. Its text form is `lower-left`, also with an underscore.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(try_from = "String", into = "String")]
+pub enum Corner {
+    /// Lower right, where a scale bar is unless another corner is asked for.
+    #[default]
+    LowerRight,
+    /// Lower left.
+    LowerLeft,
+    /// Upper right.
+    UpperRight,
+    /// Upper left, where the legend is.
+    UpperLeft,
+}
+
+/// Corners with their names.
+const CORNERS: [(&str, Corner); 4] = [
+    ("lower-right", Corner::LowerRight),
+    ("lower-left", Corner::LowerLeft),
+    ("upper-right", Corner::UpperRight),
+    ("upper-left", Corner::UpperLeft),
+];
+
+impl Corner {
+    /// Whether it is the corner of a scale bar that asks for none.
+    pub fn is_default(&self) -> bool {
+        *self == Self::default()
+    }
+
+    /// Whether it is at the left side.
+    pub fn is_left(self) -> bool {
+        matches!(self, Self::LowerLeft | Self::UpperLeft)
+    }
+
+    /// Whether it is at the upper side.
+    pub fn is_upper(self) -> bool {
+        matches!(self, Self::UpperRight | Self::UpperLeft)
+    }
+}
+
+impl FromStr for Corner {
+    type Err = String;
+
+    fn from_str(text: &str) -> Result<Self, String> {
+        let name = text.replace('_', "-");
+        CORNERS.iter().find(|(known, _)| *known == name).map(|(_, corner)| *corner).ok_or_else(|| {
+            format!("expected lower-right, lower-left, upper-right or upper-left, got {text:?}")
+        })
+    }
+}
+
+impl fmt::Display for Corner {
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let name = CORNERS.iter().find(|(_, corner)| corner == self);
+        f.write_str(name.map_or("", |(name, _)| name))
+    }
+}
+
+impl TryFrom<String> for Corner {
+    type Error = String;
+
+    fn try_from(text: String) -> Result<Self, String> {
+        text.parse()
+    }
+}
+
+impl From<Corner> for String {
+    fn from(corner: Corner) -> Self {
+        corner.to_string()
     }
 }
 
@@ -135,6 +210,37 @@ impl From<ScaleBar> for String {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn corners_are_read_written_and_refused() {
+        for (name, corner, is_left, is_upper) in [
+            ("lower-right", Corner::LowerRight, false, false),
+            ("lower-left", Corner::LowerLeft, true, false),
+            ("upper-right", Corner::UpperRight, false, true),
+            ("upper-left", Corner::UpperLeft, true, true),
+        ] {
+            assert_eq!((name.parse(), name.replace('-', "_").parse()), (Ok(corner), Ok(corner)));
+            assert_eq!(
+                (corner.to_string().as_str(), corner.is_left(), corner.is_upper()),
+                (name, is_left, is_upper)
+            );
+        }
+        for bad in ["", "left", "lower right", "LOWER-LEFT"] {
+            let error = bad.parse::<Corner>().unwrap_err();
+            assert_eq!(
+                error,
+                format!("expected lower-right, lower-left, upper-right or upper-left, got {bad:?}")
+            );
+        }
+        // Pictures made before corners could be chosen carry none, and a bar where it always was is written as it was.
+        let old = r#"{"scale_bar":"10um"}"#;
+        let read: Annotations = serde_json::from_str(old).unwrap();
+        assert!(read.scale_bar_corner == Corner::LowerRight && serde_json::to_string(&read).unwrap() == old);
+        let aside = Annotations { scale_bar_corner: Corner::UpperLeft, ..read };
+        let text = serde_json::to_string(&aside).unwrap();
+        assert_eq!(text, r#"{"scale_bar":"10um","scale_bar_corner":"upper-left"}"#);
+        assert_eq!(serde_json::from_str::<Annotations>(&text).unwrap(), aside);
+    }
 
     #[test]
     fn scale_bars_are_read_written_and_refused() {
