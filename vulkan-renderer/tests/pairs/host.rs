@@ -206,6 +206,19 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     (
         "transport/src/lights.rs",
         &[
+    (
+        "transport/src/sampler.rs",
+        &[
+            (
+                "PixelSampler::set_sample",
+                "keeps what a pixel's samples share; a device computes a sample at a time",
+            ),
+            (
+                "PixelSampler::spread_set",
+                "keeps what a pixel's samples share; a device computes a sample at a time",
+            ),
+        ],
+    ),
             ("Lights::new", READY),
             ("Lights::with_lamps", READY),
             ("Lights::with_emitters", READY),
@@ -657,7 +670,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         &[("order_table", "in_order"), ("Node::child_bounds", "child_may_hold")],
     ),
     ("picture/src/film.rs", &[("FilmBuffer::rows_mut", "film_add")]),
-    ("transport/src/sampler.rs", &[("mix", "mix64")]),
+    ("transport/src/sampler.rs", &[("mix", "mix64"), ("hashed_upward", "owen_scramble")]),
     (
         "transport/src/trace.rs",
         // The trait declares these and the tracers implement them; the twin defines a hit.
