@@ -317,6 +317,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     (
         "cpu-renderer/src/traverse/scene_tracer.rs",
         &[
+            ("MeshTracer::leaves_all", "knows soon what the shader finds out triangle by triangle"),
+            ("Geometry::excludes_all", READY),
             ("SceneTracer::new", READY),
             ("SceneTracer::of", READY),
             ("SceneTracer::without_bricks", READY),
@@ -633,6 +635,9 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("SceneTracer::instance", "instance_at"),
             ("SceneTracer::next_boundary", "scene_ask"),
             ("SceneTracer::first_hit", "scene_ask"),
+            ("Geometry::corners", "mesh_corners"),
+            ("Leaving::new", "mesh_leaving"),
+            ("Leaving::excludes", "visit_triangle"),
             ("SceneTracer::occluded", "scene_ask"),
             ("SceneTracer::ask", "scene_ask"),
             ("SceneTracer::occludes", "scene_ask"),
