@@ -520,6 +520,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     (
         "cpu-renderer/src/traverse/volume_tracer/surfaces.rs",
+            ("VolumeTracer::with_its_box", "found_in_brick"),
         &[
             ("VolumeTracer::coarse_element_end", "element_end"),
             ("VolumeTracer::face_out", "box_behind"),
