@@ -552,10 +552,15 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     (
         "transport/src/environment.rs",
-        &[("row_angles", "environment_sample"), ("rows_around", "environment_sample")],
+        &[
+            ("row_angles", "environment_sample"),
+            ("rows_around", "environment_sample"),
+            ("EnvironmentTable::eval_with_pdf", "environment_pdf"),
+        ],
     ),
     ("transport/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
     ("transport/src/material_table.rs", &[("MaterialTable::material", "material_of")]),
+    ("transport/src/bsdf/tables.rs", &[("place", "table_1d"), ("between", "table_1d")]),
     (
         "cpu-renderer/src/path.rs",
         &[("radiance", "follow"), ("ambient", "follow"), ("path", "follow"), ("Way::lamps", "follow")],
