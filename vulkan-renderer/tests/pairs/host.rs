@@ -67,6 +67,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/traverse/mirrored.rs", MASKS),
     ("cpu-renderer/src/traverse/f64x4.rs", WIDE),
     ("cpu-renderer/src/traverse/avx.rs", WIDE),
+    ("transport/src/lamp/many.rs", WIDE),
     ("cpu-renderer/src/traverse/volume_tracer/making.rs", READY),
     ("transport/src/geometry/mesh_grid.rs", "corners and bounds: prepared before a ray is traced"),
     ("transport/src/scene_lights.rs", "lights are prepared before a ray is traced"),
@@ -116,6 +117,8 @@ const COUNTED: &str = "counts memory or items on the host";
 const BOX_KNOWN: &str = "a surface has the number of its box in the shader";
 const CARRIED: &str = "adds what a scene does not need, for measurements; on a device `pack` does";
 const COMPILED: &str = "whether a feature is needed: a specialisation constant of the shader";
+const KEPT: &str =
+    "finds weights that the CPU has kept or computes together; a shader computes each where it is needed";
 const SHOWN: &str = "the host computes it from the sums, for both renderers";
 
 /// Functions that only the host computes.
@@ -204,9 +207,6 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ),
     ("transport/src/lens.rs", &[("Lens::new", READY)]),
     (
-        "transport/src/lights.rs",
-        &[
-    (
         "transport/src/sampler.rs",
         &[
             (
@@ -219,6 +219,9 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ),
         ],
     ),
+    (
+        "transport/src/lights.rs",
+        &[
             ("Lights::new", READY),
             ("Lights::with_lamps", READY),
             ("Lights::with_emitters", READY),
@@ -231,6 +234,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Lights::lamps", READ),
             ("Lights::backdrop", READ),
             ("Lights::strategy", READ),
+            ("Lights::place_of", KEPT),
+            ("Lights::each_weight", KEPT),
         ],
     ),
     (
@@ -312,13 +317,13 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("MeshTracer::world_bounds", READY),
             ("MeshTracer::hierarchy_address", COUNTED),
             ("MeshTracer::bytes", COUNTED),
+            ("MeshTracer::leaves_all", "knows soon what the shader finds out triangle by triangle"),
+            ("Geometry::excludes_all", READY),
         ],
     ),
     (
         "cpu-renderer/src/traverse/scene_tracer.rs",
         &[
-            ("MeshTracer::leaves_all", "knows soon what the shader finds out triangle by triangle"),
-            ("Geometry::excludes_all", READY),
             ("SceneTracer::new", READY),
             ("SceneTracer::of", READY),
             ("SceneTracer::without_bricks", READY),
@@ -515,12 +520,12 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         "cpu-renderer/src/traverse/volume_tracer/search.rs",
         &[
             ("VolumeTracer::nearest_in_bricks", "found_in_brick"),
+            ("VolumeTracer::with_its_box", "found_in_brick"),
             ("VolumeTracer::nearest_of_label", "visit_brick"),
         ],
     ),
     (
         "cpu-renderer/src/traverse/volume_tracer/surfaces.rs",
-            ("VolumeTracer::with_its_box", "found_in_brick"),
         &[
             ("VolumeTracer::coarse_element_end", "element_end"),
             ("VolumeTracer::face_out", "box_behind"),
@@ -544,12 +549,14 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Lights::probability", "light_probability"),
             ("LightOdds::share", "light_probability"),
             ("Lights::weight", "light_weight"),
-            ("Lights::all", "light_count"),
+            ("Lights::count", "light_count"),
+            ("Lights::light_at", "light_weight"),
             ("Lights::odds", "light_odds"),
             ("Lights::choose", "choose_light"),
             ("Lights::lamp_emission_to_camera", "lamp_emission"),
         ],
     ),
+    ("transport/src/bsdf/tables.rs", &[("place", "table_1d"), ("between", "table_1d")]),
     (
         "transport/src/environment.rs",
         &[
@@ -560,7 +567,6 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     ("transport/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
     ("transport/src/material_table.rs", &[("MaterialTable::material", "material_of")]),
-    ("transport/src/bsdf/tables.rs", &[("place", "table_1d"), ("between", "table_1d")]),
     (
         "cpu-renderer/src/path.rs",
         &[("radiance", "follow"), ("ambient", "follow"), ("path", "follow"), ("Way::lamps", "follow")],
@@ -629,6 +635,9 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         // The searches are those of volumes; the items that they test differ.
         &[
             ("MeshTracer::nearest", "visit_triangle"),
+            ("Geometry::corners", "mesh_corners"),
+            ("Leaving::new", "mesh_leaving"),
+            ("Leaving::excludes", "visit_triangle"),
             ("MeshTracer::first_hit", "visit_triangle"),
             ("MeshTracer::first_hit_within", "visit_triangle"),
             ("MeshTracer::occluded", "visit_triangle"),
@@ -641,9 +650,6 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("SceneTracer::instance", "instance_at"),
             ("SceneTracer::next_boundary", "scene_ask"),
             ("SceneTracer::first_hit", "scene_ask"),
-            ("Geometry::corners", "mesh_corners"),
-            ("Leaving::new", "mesh_leaving"),
-            ("Leaving::excludes", "visit_triangle"),
             ("SceneTracer::occluded", "scene_ask"),
             ("SceneTracer::ask", "scene_ask"),
             ("SceneTracer::occludes", "scene_ask"),
