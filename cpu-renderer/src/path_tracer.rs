@@ -145,8 +145,9 @@ impl<T: Tracer> PathTracer<T> {
             }
             for (x, sums) in row.sums.chunks_exact_mut(STRIDE).enumerate() {
                 let target = target.min(row.most.get(x).copied().unwrap_or(u32::MAX));
+                let mut sampler = PixelSampler::new(seed, [x as u32, row.y], *row.samples);
                 for sample in *row.samples..target {
-                    let sampler = PixelSampler::new(seed, [x as u32, row.y], sample);
+                    sampler.set_sample(sample);
                     let [u, v] = sampler.film();
                     let px = x as f64 + 0.5 + f64::from(filter.sample(u));
                     let py = f64::from(row.y) + 0.5 + f64::from(filter.sample(v));

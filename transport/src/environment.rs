@@ -135,7 +135,10 @@ impl EnvironmentTable {
     #[inline]
     fn place(&self, direction: DVec3) -> (f64, f64) {
         let azimuth = direction.y.atan2(direction.x) - self.rotation_rad;
-        let u = (0.5 - azimuth / (2.0 * PI)).rem_euclid(1.0);
+        let u = 0.5 - azimuth / (2.0 * PI);
+        // (`rem_euclid(1.0)`, without its division.)
+        let rest = if u.abs() < 1e15 { u - (u as i64) as f64 } else { u % 1.0 };
+        let u = if rest < 0.0 { rest + 1.0 } else { rest };
         let v = (direction.z / direction.length()).clamp(-1.0, 1.0).acos() / PI;
         (u * self.image.width as f64, v * self.image.height as f64)
     }
@@ -147,6 +150,16 @@ impl EnvironmentTable {
         self.between(x, y)
     }
 
+    /// [`EnvironmentTable::eval`] and [`EnvironmentTable::pdf`] of one direction at once.
+    #[inline]
+    pub fn eval_with_pdf(&self, direction: DVec3) -> (Vec3, f32) {
+        let (x, y) = self.place(direction);
+        let (pixels, place) = self.around(x, y);
+        let sine = direction.truncate().length() / direction.length();
+        let pdf = self.density(bilinear(pixels.map(|p| self.excess(p)), place), y, sine);
+        (bilinear(pixels, place) * self.strength, pdf)
+    }
+
     /// The pixels around a place in the picture, upper left, upper right, lower left, lower right, without `strength`; and the place among
     /// them, from 0 to 1.
     #[inline]
@@ -154,8 +167,8 @@ impl EnvironmentTable {
         let (width, height) = (self.image.width, self.image.height);
         let (x, y) = (x - 0.5, (y - 0.5).clamp(0.0, (height - 1) as f64));
         let (x0, y0) = (x.floor(), y.floor());
-        let column = |x: f64| (x as i64).rem_euclid(width as i64) as usize;
-        let (left, right) = (column(x0), column(x0 + 1.0));
+        let left = if x0 < 0.0 { width - 1 } else { (x0 as usize).min(width - 1) };
+        let right = if left + 1 == width { 0 } else { left + 1 };
         let (top, bottom) = (y0 as usize, (y0 as usize + 1).min(height - 1));
         let at = |x: usize, y: usize| Vec3::from_array(self.image.pixels[y * width + x]);
         (
@@ -185,10 +198,7 @@ impl EnvironmentTable {
     /// Density per solid angle with which [`EnvironmentTable::sample`] samples a direction.
     #[inline]
     pub fn pdf(&self, direction: DVec3) -> f32 {
-        let (x, y) = self.place(direction);
-        let (pixels, place) = self.around(x, y);
-        let sine = direction.truncate().length() / direction.length();
-        self.density(bilinear(pixels.map(|p| self.excess(p)), place), y, sine)
+        self.eval_with_pdf(direction).1
     }
 
     /// Samples a unit direction; returns it with its radiance and its density per solid angle.
@@ -203,7 +213,7 @@ impl EnvironmentTable {
         let left = ends[1..width].partition_point(|&e| e <= u[0]);
         let in_column = ((u[0] - ends[left]) / (ends[left + 1] - ends[left])).clamp(0.0, 1.0);
         let (top, bottom) = rows_around(row, height);
-        let right = (left + 1) % width;
+        let right = if left + 1 == width { 0 } else { left + 1 };
         let at = |x: usize, y: usize| Vec3::from_array(self.image.pixels[y * width + x]);
         let pixels = [at(left, top), at(right, top), at(left, bottom), at(right, bottom)];
         let [a, b, c, d] = pixels.map(|p| self.excess(p));

@@ -17,6 +17,7 @@ use crate::{EnvironmentTable, Hit, ReadyLamp, ReadySun, Receiver, Tracer};
 use glam::{DVec3, Vec3};
 
 use crate::emitters::Emitters;
+use crate::lamp::ManyLamps;
 
 /// Light from infinity.
 #[derive(Clone, Debug)]
@@ -67,6 +68,10 @@ pub struct Lights {
     sky: Sky,
     suns: Vec<ReadySun>,
     lamps: Vec<ReadyLamp>,
+    /// What decides about many lamps at once; `None` where there are few.
+    many: Option<Arc<ManyLamps>>,
+    /// Whether camera rays see any lamp.
+    shows_lamps: bool,
     backdrop: Option<[Vec3; 2]>,
     /// Irradiance that a sampled sky can give; 0 where it is not sampled.
     sky_irradiance: f32,
@@ -92,7 +97,12 @@ pub struct LightOdds {
     pub total: f32,
     /// Number of lights whose weight is above 0.
     pub lit: f32,
+    /// Weights of the first lights, in the order in which they are chosen.
+    first: [f32; KEPT],
 }
+
+/// Weights that are kept with the odds. Further ones are computed again where they are needed.
+const KEPT: usize = 8;
 
 /// Most irradiance of a light by which it is chosen, so that sums are finite.
 const MOST_IRRADIANCE: f32 = 1e30;
@@ -120,6 +130,8 @@ impl Lights {
             sky,
             suns,
             lamps: Vec::new(),
+            many: None,
+            shows_lamps: false,
             backdrop,
             sky_irradiance,
             emitters: None,
@@ -132,7 +144,9 @@ impl Lights {
     /// The same lights with these lamps.
     #[must_use]
     pub fn with_lamps(self, lamps: Vec<ReadyLamp>) -> Self {
-        let lights = Self { lamps, ..self };
+        let many = ManyLamps::new(&lamps).map(Arc::new);
+        let shows_lamps = lamps.iter().any(|lamp| lamp.visible_to_camera);
+        let lights = Self { lamps, many, shows_lamps, ..self };
         Self { is_sampled: lights.has_sampled_light(), ..lights }
     }
 
@@ -209,29 +223,83 @@ impl Lights {
         weight.min(MOST_IRRADIANCE)
     }
 
-    /// All lights, in the order in which they are chosen.
+    /// Number of all lights.
     #[inline]
-    fn all(&self) -> impl Iterator<Item = Light> + use<> {
-        let (suns, lamps) = ((0..self.suns.len()).map(Light::Sun), (0..self.lamps.len()).map(Light::Lamp));
-        std::iter::once(Light::Sky).chain(suns).chain(lamps).chain([Light::Emitters])
+    fn count(&self) -> usize {
+        self.suns.len() + self.lamps.len() + 2
+    }
+
+    /// The light at this place of the order in which lights are chosen.
+    #[inline]
+    fn light_at(&self, place: usize) -> Light {
+        let (suns, lamps) = (self.suns.len(), self.lamps.len());
+        match place {
+            0 => Light::Sky,
+            _ if place <= suns => Light::Sun(place - 1),
+            _ if place <= suns + lamps => Light::Lamp(place - 1 - suns),
+            _ => Light::Emitters,
+        }
+    }
+
+    /// Its inverse.
+    #[inline]
+    fn place_of(&self, light: Light) -> usize {
+        match light {
+            Light::Sky => 0,
+            Light::Sun(i) => 1 + i,
+            Light::Lamp(i) => 1 + self.suns.len() + i,
+            Light::Emitters => 1 + self.suns.len() + self.lamps.len(),
+        }
+    }
+
+    /// Calls `visit` with the place of each light and its weight at a receiver, in order, until it returns false.
+    #[inline(always)]
+    fn each_weight(&self, from: &Receiver, mut visit: impl FnMut(usize, f32) -> bool) {
+        let mut weigh = |place: usize| visit(place, self.weight(self.light_at(place), from));
+        let Some(many) = &self.many else {
+            for place in 0..self.count() {
+                if !weigh(place) {
+                    return;
+                }
+            }
+            return;
+        };
+        let first_lamp = 1 + self.suns.len();
+        for place in 0..first_lamp {
+            if !weigh(place) {
+                return;
+            }
+        }
+        for (first, weights) in many.irradiances_at(&self.lamps, from) {
+            for (weight, i) in weights.iter().zip(first..self.lamps.len()) {
+                if !visit(first_lamp + i, weight.min(MOST_IRRADIANCE)) {
+                    return;
+                }
+            }
+        }
+        visit(self.count() - 1, self.weight(Light::Emitters, from));
     }
 
     /// The odds of all lights at a receiver.
     #[inline]
     pub fn odds(&self, from: &Receiver) -> LightOdds {
         let mut odds = LightOdds::default();
-        for light in self.all() {
-            let weight = self.weight(light, from);
+        self.each_weight(from, |place, weight| {
             odds.total += weight;
             odds.lit += if weight > 0.0 { 1.0 } else { 0.0 };
-        }
+            if let Some(kept) = odds.first.get_mut(place) {
+                *kept = weight;
+            }
+            true
+        });
         odds
     }
 
     /// Probability of sampling a light at a receiver with these odds.
     #[inline]
     fn probability(&self, light: Light, from: &Receiver, odds: &LightOdds) -> f32 {
-        odds.share(self.weight(light, from))
+        let known = odds.first.get(self.place_of(light));
+        odds.share(known.copied().unwrap_or_else(|| self.weight(light, from)))
     }
 
     /// Chooses a light; returns it with its probability, and with the part of that probability at which it was chosen, from 0 to 1.
@@ -239,18 +307,21 @@ impl Lights {
     fn choose(&self, from: &Receiver, odds: &LightOdds, mut choice: f32) -> Option<(Light, f32, f32)> {
         let mut chosen = None;
         let mut chance = 0.0;
-        for light in self.all() {
-            let probability = self.probability(light, from, odds);
-            if probability > 0.0 {
-                // Rounding may leave a rest beyond the last.
-                choice -= chance;
-                (chosen, chance) = (Some(light), probability);
-                if choice < probability {
-                    break;
-                }
+        let mut goes_on = |place: usize, weight: f32| {
+            let probability = odds.share(weight);
+            if probability <= 0.0 {
+                return true;
             }
+            // Rounding may leave a rest beyond the last.
+            choice -= chance;
+            (chosen, chance) = (Some(place), probability);
+            choice >= probability
+        };
+        match odds.first.get(..self.count()) {
+            Some(weights) => _ = weights.iter().zip(0..).all(|(&weight, place)| goes_on(place, weight)),
+            None => self.each_weight(from, goes_on),
         }
-        chosen.map(|light| (light, chance, (choice / chance).clamp(0.0, BELOW_ONE)))
+        chosen.map(|place| (self.light_at(place), chance, (choice / chance).clamp(0.0, BELOW_ONE)))
     }
 
     /// Samples a light and a direction towards it from a receiver with these odds; `None` where the sample carries no light. `further` gives
@@ -344,7 +415,8 @@ impl Lights {
             Sky::Constant(radiance) => *radiance,
             Sky::Image(table) => {
                 let chance = self.probability(Light::Sky, from, odds);
-                table.eval(direction) * self.bsdf_mis_weight(pdf, table.pdf(direction) * chance)
+                let (radiance, sky_pdf) = table.eval_with_pdf(direction);
+                radiance * self.bsdf_mis_weight(pdf, sky_pdf * chance)
             }
         };
         for (i, sun) in self.suns.iter().enumerate() {
@@ -369,13 +441,17 @@ impl Lights {
     ) -> Vec3 {
         let direction = direction.as_vec3();
         let mut light = Vec3::ZERO;
-        for (i, lamp) in self.lamps.iter().enumerate() {
+        let mut meet = |i: usize, lamp: &ReadyLamp| {
             if let Some(met) = lamp.meet(from, direction)
                 && f64::from(met.distance) * TOUCHING < limit
             {
                 let chance = self.probability(Light::Lamp(i), from, odds);
                 light += met.radiance * self.bsdf_mis_weight(pdf, met.pdf * chance);
             }
+        };
+        match &self.many {
+            Some(many) => many.near(from.point, direction, |i| meet(i, &self.lamps[i])),
+            None => self.lamps.iter().enumerate().for_each(|(i, lamp)| meet(i, lamp)),
         }
         light
     }
@@ -383,6 +459,9 @@ impl Lights {
     /// Light of all lamps that a camera ray (unit direction) passes through within the distance `limit`.
     #[inline]
     pub fn lamp_emission_to_camera(&self, from: DVec3, direction: DVec3, limit: f64) -> Vec3 {
+        if !self.shows_lamps {
+            return Vec3::ZERO;
+        }
         let from = Receiver { point: from, normal: Vec3::Z, both_sides: true };
         let direction = direction.as_vec3();
         let seen = self.lamps.iter().filter(|l| l.visible_to_camera).filter_map(|l| l.meet(&from, direction));
@@ -408,4 +487,38 @@ fn power_heuristic(a: f32, b: f32) -> f32 {
     }
     let r = b / a;
     1.0 / (1.0 + r * r)
+}
+
+#[cfg(test)]
+mod tests {
+    use pumice_scene::{Light as SceneLight, LightShape, Sun};
+
+    use super::*;
+
+    fn lights(lamps: u32) -> Lights {
+        let sun = |angle_rad| Sun { direction: [0.3, 0.1, -1.0], strength: 0.2, color: [1.0; 3], angle_rad };
+        let lamp = |i: u32| {
+            let at = |a: f64| 5.0 * (a * f64::from(i)).sin();
+            let shape = LightShape::Point {
+                position: [at(1.0), at(2.0), 3.0 + at(3.0)],
+                radius: 0.1,
+                soft_falloff: false,
+            };
+            ReadyLamp::new(&SceneLight { shape, power_w: 40.0, color: [1.0; 3], visible_to_camera: i == 2 })
+        };
+        let suns = vec![ReadySun::new(&sun(0.0)), ReadySun::new(&sun(0.1))];
+        Lights::new(Sky::Constant(Vec3::ZERO), suns, None).with_lamps((0..lamps).map(lamp).collect())
+    }
+
+    /// The camera sees the lamp that is shown, and where none is shown, none.
+    #[test]
+    fn the_camera_sees_lamps_that_are_shown() {
+        for (lamps, is_seen) in [(2, false), (3, true), (30, true)] {
+            let lights = lights(lamps);
+            let lamp = lights.lamps.get(2).map_or(DVec3::ZERO, |lamp| lamp.position);
+            let from = DVec3::new(9.0, 8.0, -7.0);
+            let seen = lights.lamp_emission_to_camera(from, (lamp - from).normalize(), f64::INFINITY);
+            assert_eq!(seen.x > 0.0, is_seen, "{lamps}");
+        }
+    }
 }

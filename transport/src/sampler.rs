@@ -20,6 +20,8 @@
 //! pixel's estimate gets worse, after any number of samples, and the final number of samples need not be known. The next three points
 //! differ from the first alike in all pixels, in the first two digits, so that they follow the curve as far.
 
+use std::cell::Cell;
+
 use pumice_picture::film::CLASSES;
 
 /// The purpose of a set of random numbers. The sets of bounces start at [`Dimensions::Bounce`], in steps of [`SETS_A_BOUNCE`].
@@ -52,7 +54,7 @@ pub enum BounceSet {
 pub const SETS_A_BOUNCE: u32 = 4;
 
 /// The random numbers of one sample of one pixel.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Debug)]
 pub struct PixelSampler {
     base: u64,
     sample: u32,
@@ -60,6 +62,19 @@ pub struct PixelSampler {
     shared: u64,
     /// Index of the pixel along a Z-order curve through the picture.
     place: u32,
+    /// What all samples of the pixel have in common in each of the sets [`SPREAD`], from its first use on.
+    spread: [Cell<Option<SpreadSet>>; SPREAD.end as usize],
+}
+
+/// A set of one pixel whose first point is spread over the picture.
+#[derive(Clone, Copy, Debug)]
+struct SpreadSet {
+    /// Key of the pixel's scramble.
+    key: u64,
+    /// Key of the scramble that all pixels share.
+    shared: u64,
+    /// Digits that are flipped in all of the pixel's points.
+    flips: [u32; 3],
 }
 
 impl PixelSampler {
@@ -69,7 +84,14 @@ impl PixelSampler {
         // thousands would if their words were hashed to 32 bits.
         let word = u64::from(pixel[0]) | u64::from(pixel[1]) << 17;
         let seed = mix(seed);
-        Self { base: mix(seed ^ word), sample, shared: mix(seed ^ SHARED_BY_PIXELS), place: z_order(pixel) }
+        let (base, shared) = (mix(seed ^ word), mix(seed ^ SHARED_BY_PIXELS));
+        Self { base, sample, shared, place: z_order(pixel), spread: [const { Cell::new(None) }; _] }
+    }
+
+    /// Continues with sample number `sample` of the same pixel, with the numbers of [`PixelSampler::new`] for less work.
+    #[inline]
+    pub fn set_sample(&mut self, sample: u32) {
+        self.sample = sample;
     }
 
     /// The numbers for `set` of bounce `bounce`, each in [0, 1).
@@ -94,16 +116,26 @@ impl PixelSampler {
 
     #[inline]
     fn set(&self, set: u32) -> [f32; 3] {
-        let key = key_of(self.base, set);
-        if !SPREAD.contains(&set) {
+        let Some(known) = self.spread.get(set as usize) else {
+            let key = key_of(self.base, set);
             return scrambled_point(self.sample, key, key, 0).map(unit);
-        }
-        // Moves the first point to its place in the sequence across pixels.
-        let shared = key_of(self.shared, set);
+        };
+        let SpreadSet { key, shared, flips } = known.get().unwrap_or_else(|| self.spread_set(set));
         let here = scrambled_point(self.sample, key, shared, SHARED_DIGITS);
+        [0, 1, 2].map(|d| unit(here[d] ^ flips[d]))
+    }
+
+    /// Finds the digits that move the pixel's first point to its place in the sequence across pixels, and keeps them for its other samples.
+    #[inline(never)]
+    fn spread_set(&self, set: u32) -> SpreadSet {
+        let (key, shared) = (key_of(self.base, set), key_of(self.shared, set));
         let first = scrambled_point(0, key, shared, SHARED_DIGITS);
         let there = scrambled_point(self.place, shared, shared, 0);
-        [0, 1, 2].map(|d| unit(here[d] ^ first[d] ^ there[d]))
+        let found = SpreadSet { key, shared, flips: [0, 1, 2].map(|d| first[d] ^ there[d]) };
+        if let Some(known) = self.spread.get(set as usize) {
+            known.set(Some(found));
+        }
+        found
     }
 }
 
@@ -128,11 +160,13 @@ fn key_of(base: u64, set: u32) -> u64 {
 fn scrambled_point(sample: u32, key: u64, turn: u64, kept: u32) -> [u32; 3] {
     let (low, high) = (key as u32, (key >> 32) as u32);
     let index = shuffled(sample, low, turn);
-    let scramble = |value: u32, seed| value & kept | owen_scramble(value, seed) & !kept;
+    // (With digits counted from the lowest bit, so that each number is reversed once.)
+    let kept = kept.reverse_bits();
+    let scramble = |value: u32, seed| (value & kept | hashed_upward(value, seed) & !kept).reverse_bits();
     [
-        scramble(index.reverse_bits(), high),
-        scramble(sobol_second(index), low.rotate_left(16) ^ high.wrapping_mul(0x85EB_CA6B)),
-        scramble(sobol_fourth(index), high.rotate_left(16) ^ low.wrapping_mul(0xC2B2_AE35)),
+        scramble(index, high),
+        scramble(sobol_second(index).reverse_bits(), low.rotate_left(16) ^ high.wrapping_mul(0x85EB_CA6B)),
+        scramble(sobol_fourth(index).reverse_bits(), high.rotate_left(16) ^ low.wrapping_mul(0xC2B2_AE35)),
     ]
 }
 
@@ -225,13 +259,18 @@ fn sobol_fourth(index: u32) -> u32 {
 /// Burley 2020, listing 3.
 #[inline]
 fn owen_scramble(value: u32, seed: u32) -> u32 {
-    let mut x = value.reverse_bits();
-    x = x.wrapping_add(seed);
+    hashed_upward(value.reverse_bits(), seed).reverse_bits()
+}
+
+/// The hash of [`owen_scramble`], in which each bit depends only on the bits below it.
+#[inline]
+fn hashed_upward(value: u32, seed: u32) -> u32 {
+    let mut x = value.wrapping_add(seed);
     x ^= x.wrapping_mul(0x6C50_B47C);
     x ^= x.wrapping_mul(0xB82F_1E52);
     x ^= x.wrapping_mul(0xC7AF_E638);
     x ^= x.wrapping_mul(0x8D22_F6E6);
-    x.reverse_bits()
+    x
 }
 
 /// A bijective hash of 64-bit words: the finaliser of SplitMix64 (Steele, Lea, Flood 2014).
@@ -259,6 +298,28 @@ mod tests {
         bases.sort_unstable();
         bases.dedup();
         assert_eq!(bases.len(), all);
+    }
+
+    /// A sampler that goes from sample to sample has the numbers of one made for each, in any order of sets. The numbers of another sample
+    /// are others.
+    #[test]
+    fn going_from_sample_to_sample_changes_no_number() {
+        let all = |s: &PixelSampler| {
+            let sets =
+                (0..5).flat_map(|b| [BounceSet::Survival, BounceSet::Light].map(|set| s.bounce(b, set)));
+            let mut numbers: Vec<f32> = sets.flatten().collect();
+            numbers.extend(s.film().into_iter().chain(s.lens()));
+            numbers
+        };
+        for pixel in [[0, 0], [3, 9], [1000, 700]] {
+            let mut going = PixelSampler::new(5, pixel, 0);
+            for sample in [0, 1, 7, 2, 4096, 3] {
+                going.set_sample(sample);
+                let made = all(&PixelSampler::new(5, pixel, sample));
+                assert_eq!(all(&going), made);
+                assert_ne!(all(&PixelSampler::new(5, pixel, sample + 1)), made);
+            }
+        }
     }
 
     /// Compares with the recurrence of the direction numbers (Joe and Kuo 2008, polynomial x + 1).

@@ -19,7 +19,8 @@ use pumice_transport::geometry::voxel_normals::falling_off;
 use pumice_transport::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 use super::IndexRay;
-use super::box_walk::Crossing;
+use super::box_walk::{Crossing, Found};
+use super::brick_walk::{InBricks, first_voxel};
 use super::cut_ray::CutRay;
 use super::f64x4::{Instructions, Plain};
 use super::index_ray::{Start, surface_of};
@@ -125,7 +126,16 @@ impl VolumeTracer {
     ) -> bool {
         let Some(r) = self.index_ray(by, ray, from) else { return false };
         let t_max = r.scaled_t(t_max);
-        match self.nearest::<P, KIND>(by, &r, 0.0, t_max, None, any_will_do(from)) {
+        let nearest = match &self.bricks {
+            Some(bricks) => match first_voxel(by, bricks, &r, 0.0, t_max) {
+                None => return false,
+                // (Which box it belongs to does not matter.)
+                Some(InBricks { found: Found::Face(_), .. }) => return true,
+                Some(inside) => self.with_its_box(bricks, inside),
+            },
+            None => self.nearest::<P, KIND>(by, &r, 0.0, t_max, None, any_will_do(from)),
+        };
+        match nearest {
             Nearest::Nothing => false,
             Nearest::Face { .. } => true,
             Nearest::Inside { label, voxel } => {

@@ -54,31 +54,45 @@ const fn floats(computed: &[u8; 4 * SHEEN], published: &[u8; 12 * SHEEN_ENTRIES]
     all
 }
 
+/// The entry before coordinate `x` in [0, 1] along a side of `n` entries, and the part of the way to the next.
+#[inline(always)]
+fn place(n: usize, x: f32) -> (usize, f32) {
+    let x = x.clamp(0.0, 1.0) * (n - 1) as f32;
+    let i = (x as u32 as usize).min(n - 2);
+    (i, x - i as f32)
+}
+
+/// Interpolates between two numbers.
+#[inline(always)]
+fn between(a: f32, b: f32, t: f32) -> f32 {
+    a * (1.0 - t) + b * t
+}
+
 /// Interpolates a table of `n` entries at `x` in [0, 1].
 #[inline]
 pub fn table_1d(at: usize, n: usize, x: f32) -> f32 {
-    let x = x.clamp(0.0, 1.0) * (n - 1) as f32;
-    let i = (x as usize).min(n - 2);
-    let t = x - i as f32;
-    TABLES[at + i] * (1.0 - t) + TABLES[at + i + 1] * t
+    let (i, t) = place(n, x);
+    let row = &TABLES[at + i..][..2];
+    between(row[0], row[1], t)
 }
 
 /// Interpolates a table of `n` × `n` entries; `x` runs fastest.
 #[inline]
 pub fn table_2d(at: usize, n: usize, x: f32, y: f32) -> f32 {
-    let y = y.clamp(0.0, 1.0) * (n - 1) as f32;
-    let i = (y as usize).min(n - 2);
-    let t = y - i as f32;
-    table_1d(at + i * n, n, x) * (1.0 - t) + table_1d(at + (i + 1) * n, n, x) * t
+    let ((i, tx), (j, ty)) = (place(n, x), place(n, y));
+    let rows = &TABLES[at + j * n + i..][..n + 2];
+    let of_row = |first: usize| between(rows[first], rows[first + 1], tx);
+    between(of_row(0), of_row(n), ty)
 }
 
 /// Interpolates a table of `n` × `n` × `n` entries; `x` runs fastest.
 #[inline]
 pub fn table_3d(at: usize, n: usize, x: f32, y: f32, z: f32) -> f32 {
-    let z = z.clamp(0.0, 1.0) * (n - 1) as f32;
-    let i = (z as usize).min(n - 2);
-    let t = z - i as f32;
-    table_2d(at + i * n * n, n, x, y) * (1.0 - t) + table_2d(at + (i + 1) * n * n, n, x, y) * t
+    let ((i, tx), (j, ty), (k, tz)) = (place(n, x), place(n, y), place(n, z));
+    let slices = &TABLES[at + (k * n + j) * n + i..][..n * n + n + 2];
+    let of_row = |first: usize| between(slices[first], slices[first + 1], tx);
+    let of_slice = |first: usize| between(of_row(first), of_row(first + n), ty);
+    between(of_slice(0), of_slice(n * n), tz)
 }
 
 /// Table coordinate of an index of refraction.

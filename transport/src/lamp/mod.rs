@@ -18,6 +18,7 @@
 mod area;
 mod ball;
 mod disk;
+mod many;
 mod spherical_rectangle;
 
 use std::f64::consts::PI;
@@ -25,6 +26,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 use pumice_scene::{Light, LightShape, Outline};
 
+pub(crate) use many::ManyLamps;
 pub use spherical_rectangle::SphericalRectangle;
 
 /// Smaller balls, in world units, are treated as points, and smaller sides are widened to this: radiance must fit an f32, and 1/r² must not

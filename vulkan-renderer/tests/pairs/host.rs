@@ -67,6 +67,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/traverse/mirrored.rs", MASKS),
     ("cpu-renderer/src/traverse/f64x4.rs", WIDE),
     ("cpu-renderer/src/traverse/avx.rs", WIDE),
+    ("transport/src/lamp/many.rs", WIDE),
     ("cpu-renderer/src/traverse/volume_tracer/making.rs", READY),
     ("transport/src/geometry/mesh_grid.rs", "corners and bounds: prepared before a ray is traced"),
     ("transport/src/scene_lights.rs", "lights are prepared before a ray is traced"),
@@ -116,6 +117,8 @@ const COUNTED: &str = "counts memory or items on the host";
 const BOX_KNOWN: &str = "a surface has the number of its box in the shader";
 const CARRIED: &str = "adds what a scene does not need, for measurements; on a device `pack` does";
 const COMPILED: &str = "whether a feature is needed: a specialisation constant of the shader";
+const KEPT: &str =
+    "finds weights that the CPU has kept or computes together; a shader computes each where it is needed";
 const SHOWN: &str = "the host computes it from the sums, for both renderers";
 
 /// Functions that only the host computes.
@@ -204,6 +207,19 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ),
     ("transport/src/lens.rs", &[("Lens::new", READY)]),
     (
+        "transport/src/sampler.rs",
+        &[
+            (
+                "PixelSampler::set_sample",
+                "keeps what a pixel's samples share; a device computes a sample at a time",
+            ),
+            (
+                "PixelSampler::spread_set",
+                "keeps what a pixel's samples share; a device computes a sample at a time",
+            ),
+        ],
+    ),
+    (
         "transport/src/lights.rs",
         &[
             ("Lights::new", READY),
@@ -218,6 +234,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Lights::lamps", READ),
             ("Lights::backdrop", READ),
             ("Lights::strategy", READ),
+            ("Lights::place_of", KEPT),
+            ("Lights::each_weight", KEPT),
         ],
     ),
     (
@@ -299,6 +317,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("MeshTracer::world_bounds", READY),
             ("MeshTracer::hierarchy_address", COUNTED),
             ("MeshTracer::bytes", COUNTED),
+            ("MeshTracer::leaves_all", "knows soon what the shader finds out triangle by triangle"),
+            ("Geometry::excludes_all", READY),
         ],
     ),
     (
@@ -501,6 +521,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         "cpu-renderer/src/traverse/volume_tracer/search.rs",
         &[
             ("VolumeTracer::nearest_in_bricks", "found_in_brick"),
+            ("VolumeTracer::with_its_box", "found_in_brick"),
             ("VolumeTracer::nearest_of_label", "visit_brick"),
         ],
     ),
@@ -529,15 +550,21 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Lights::probability", "light_probability"),
             ("LightOdds::share", "light_probability"),
             ("Lights::weight", "light_weight"),
-            ("Lights::all", "light_count"),
+            ("Lights::count", "light_count"),
+            ("Lights::light_at", "light_weight"),
             ("Lights::odds", "light_odds"),
             ("Lights::choose", "choose_light"),
             ("Lights::lamp_emission_to_camera", "lamp_emission"),
         ],
     ),
+    ("transport/src/bsdf/tables.rs", &[("place", "table_1d"), ("between", "table_1d")]),
     (
         "transport/src/environment.rs",
-        &[("row_angles", "environment_sample"), ("rows_around", "environment_sample")],
+        &[
+            ("row_angles", "environment_sample"),
+            ("rows_around", "environment_sample"),
+            ("EnvironmentTable::eval_with_pdf", "environment_pdf"),
+        ],
     ),
     ("transport/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
     ("transport/src/material_table.rs", &[("MaterialTable::material", "material_of")]),
@@ -609,6 +636,9 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         // The searches are those of volumes; the items that they test differ.
         &[
             ("MeshTracer::nearest", "visit_triangle"),
+            ("Geometry::corners", "mesh_corners"),
+            ("Leaving::new", "mesh_leaving"),
+            ("Leaving::excludes", "visit_triangle"),
             ("MeshTracer::first_hit", "visit_triangle"),
             ("MeshTracer::first_hit_within", "visit_triangle"),
             ("MeshTracer::occluded", "visit_triangle"),
@@ -658,7 +688,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         &[("order_table", "in_order"), ("Node::child_bounds", "child_may_hold")],
     ),
     ("picture/src/film.rs", &[("FilmBuffer::rows_mut", "film_add")]),
-    ("transport/src/sampler.rs", &[("mix", "mix64")]),
+    ("transport/src/sampler.rs", &[("mix", "mix64"), ("hashed_upward", "owen_scramble")]),
     (
         "transport/src/trace.rs",
         // The trait declares these and the tracers implement them; the twin defines a hit.

@@ -98,9 +98,15 @@ impl VolumeTracer {
         start: f64,
         t_max: f64,
     ) -> Nearest {
-        let Some(InBricks { found, brick }) = first_voxel(by, bricks, ray, start, t_max) else {
-            return Nearest::Nothing;
-        };
+        match first_voxel(by, bricks, ray, start, t_max) {
+            Some(first) => self.with_its_box(bricks, first),
+            None => Nearest::Nothing,
+        }
+    }
+
+    /// A voxel that was found in bricks, with the box that it belongs to.
+    #[inline(always)]
+    pub(super) fn with_its_box(&self, bricks: &Bricks, InBricks { found, brick }: InBricks) -> Nearest {
         let box_with = |voxel| bricks.box_with(&self.volume, brick, voxel, |item| self.holds(item, voxel));
         let label_of = |item| bricks.label_of(&self.volume, item);
         let nearest = match found {
