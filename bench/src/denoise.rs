@@ -11,6 +11,7 @@
 
 mod oidn;
 mod tables;
+mod viewport;
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -22,10 +23,11 @@ use pumice_picture::film::variance_known;
 use pumice_picture::metrics::compare;
 use pumice_picture::{Guides, Image, Picture};
 use pumice_scene::Scene;
+use pumice_session::backend::{FallbackRenderer, make_renderer};
 use pumice_session::error::{Result, SessionError};
+use pumice_session::open_meshes;
 use pumice_session::progressive::{Stop, render_until};
 use pumice_session::values::size;
-use pumice_session::{make_renderer, open_meshes};
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 
 use crate::console::{BenchResult, Console, Outcome};
@@ -44,7 +46,8 @@ const REFERENCE_SEED: u64 = 1007;
 
 /// relMSE and FLIP against CPU seconds, as rendered and denoised, beside Open Image Denoise if --oidn names a Python with pyoidn
 ///
-/// Renders six scenes in the light that artists use. Writes denoise.csv, denoise.md and an SVG for each scene.
+/// Renders six scenes in the light that artists use. Writes denoise.csv, denoise.md and an SVG for each scene; with --viewport instead how
+/// soon a live picture is close to the converged one after the camera moved, as viewport.csv and viewport.md.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     /// Label volumes; the shipped ones by default
@@ -59,15 +62,18 @@ pub(crate) struct Flags {
     /// Number of labels, the longest ones
     #[arg(long, value_name = "N", default_value = "30", value_parser = clap::value_parser!(u32).range(1..))]
     pick: u32,
-    /// Picture size in pixels
-    #[arg(long, value_name = "WxH", default_value = "480x270", value_parser = size)]
-    size: [u32; 2],
+    /// Picture size in pixels [default: 480x270; 1920x1080 with --viewport]
+    #[arg(long, value_name = "WxH", value_parser = size)]
+    size: Option<[u32; 2]>,
+    /// Measure a live picture after a camera move instead; the processor draws it
+    #[arg(long, conflicts_with_all = ["oidn", "spp"])]
+    viewport: bool,
     /// Samples per pixel, in increasing order
     #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "1,4,16,64", value_parser = clap::value_parser!(u32).range(1..))]
     spp: Vec<u32>,
-    /// Samples per pixel of the reference
-    #[arg(long, value_name = "N", default_value = "4096", value_parser = clap::value_parser!(u32).range(8..))]
-    reference_spp: u32,
+    /// Samples per pixel of the reference [default: 4096; 256 with --viewport]
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(8..))]
+    reference_spp: Option<u32>,
     /// Bounces of light
     #[arg(long, value_name = "N", default_value = "8")]
     bounces: u32,
@@ -117,14 +123,49 @@ pub struct Denoised {
     pub flip: f64,
 }
 
+impl Flags {
+    fn size(&self) -> [u32; 2] {
+        self.size.unwrap_or(if self.viewport { [1920, 1080] } else { [480, 270] })
+    }
+
+    fn reference_spp(&self) -> u32 {
+        self.reference_spp.unwrap_or(if self.viewport { 256 } else { 4096 })
+    }
+}
+
 pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
     rising(&flags.spp)?;
     let volumes = volumes_or_those_of_real_light(&flags.volumes)?;
     let scenes = flags.only.clone().unwrap_or_else(|| LightScene::value_variants().to_vec());
-    let figure = Figure { size: flags.size, pick: flags.pick as usize, bounces: flags.bounces };
+    let figure = Figure { size: flags.size(), pick: flags.pick as usize, bounces: flags.bounces };
     // Asked before the work, not after it.
     let oidn = flags.oidn.as_deref().map(Oidn::check).transpose()?;
     let temporary = scratch()?;
+    if flags.viewport {
+        let rows = console.watch("", |watch| {
+            let mut rows = Vec::new();
+            each_scene(&scenes, &volumes, figure, temporary.path(), job, &mut |name, scene, volume| {
+                watch(name);
+                let mut renderer = make_renderer("cpu")?;
+                let moved = viewport::moved(scene);
+                let reference =
+                    drawn(&mut renderer, &moved, volume, REFERENCE_SEED, flags.reference_spp(), job)?.0;
+                drop(renderer);
+                rows.extend(viewport::watched(name, scene, volume, &reference.color, job)?);
+                Ok(())
+            })?;
+            Ok::<_, SessionError>(rows)
+        })?;
+        tables::write_viewport(
+            &flags.out,
+            &machine::description(),
+            flags.size(),
+            flags.reference_spp(),
+            &rows,
+        )?;
+        console.line(flags.out.join("viewport.md").display())?;
+        return Ok(Outcome::Holds);
+    }
     let results = console.watch("", |watch| {
         let mut results = Vec::new();
         each_scene(&scenes, &volumes, figure, temporary.path(), job, &mut |name, scene, volume| {
@@ -135,9 +176,27 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
         Ok::<_, SessionError>(results)
     })?;
     let version = oidn.as_ref().map(|oidn| oidn.version.as_str());
-    tables::write(&flags.out, &machine::description(), version, flags.size, &results)?;
+    tables::write(&flags.out, &machine::description(), version, flags.size(), &results)?;
     console.line(flags.out.join("denoise.md").display())?;
     Ok(Outcome::Holds)
+}
+
+/// A picture of a scene, and the time of its samples.
+fn drawn(
+    renderer: &mut FallbackRenderer,
+    scene: &Scene,
+    volume: &Arc<CompressedVolume>,
+    seed: u64,
+    spp: u32,
+    job: &Job,
+) -> Result<(Picture, Took)> {
+    let mut scene = scene.clone();
+    scene.settings.seed = seed;
+    let meshes = open_meshes(&scene)?;
+    renderer.set_scene(&LoadedScene::new(scene, vec![Arc::clone(volume)], meshes)?)?;
+    let stop = Stop { spp: Some(spp), ..Stop::default() };
+    let (_, took) = clocked(|| Ok(render_until(renderer, &stop, job, &mut |_| {})?))?;
+    Ok((renderer.picture()?, took))
 }
 
 /// Measures one scene.
@@ -150,21 +209,13 @@ fn measured(
     job: &Job,
 ) -> Result<Vec<Denoised>> {
     let mut renderer = make_renderer("cpu")?;
-    let mut drawn = |seed: u64, spp: u32| -> Result<(Picture, Took)> {
-        let mut scene = scene.clone();
-        scene.settings.seed = seed;
-        let meshes = open_meshes(&scene)?;
-        renderer.set_scene(&LoadedScene::new(scene, vec![Arc::clone(volume)], meshes)?)?;
-        let stop = Stop { spp: Some(spp), ..Stop::default() };
-        let (_, took) = clocked(|| Ok(render_until(&mut renderer, &stop, job, &mut |_| {})?))?;
-        Ok((renderer.picture()?, took))
-    };
-    let each = flags.reference_spp.div_ceil(BATCHES);
+    let mut drawn = |seed: u64, spp: u32| drawn(&mut renderer, scene, volume, seed, spp, job);
+    let each = flags.reference_spp().div_ceil(BATCHES);
     let batches: Vec<Image> = (0..u64::from(BATCHES))
         .map(|batch| Ok(drawn(REFERENCE_SEED + batch, each)?.0.color))
         .collect::<Result<_>>()?;
     let reference = MeanPicture::of(&batches);
-    let (expected, own) = (reference.image(flags.size), reference.own_rel_mse());
+    let (expected, own) = (reference.image(flags.size()), reference.own_rel_mse());
 
     let mut results = Vec::new();
     for &spp in &flags.spp {

@@ -5,9 +5,12 @@
 //! volume ─► labels.npy ─► a Python process per program: compress, decompress, compare, read single voxels ─► report.json
 //!       └─► the same array, Pumice in this process: compress, save and open at each level, decode, `label_at`
 //! ```
+//! `--levels` adds programs at other settings ([`levels`]).
+//!
 //! Each program receives the voxels as an array in memory and returns them as one.
 
 pub(crate) mod command;
+mod levels;
 mod tables;
 
 use std::path::{Path, PathBuf};
@@ -25,27 +28,37 @@ use pumice_session::npy::write_npy;
 use pumice_session::script::run_script;
 use pumice_session::{Residence, open_volume};
 use serde::{Deserialize, Serialize};
-use serde_json::json;
+use serde_json::{Value, json};
 
 use crate::files::{file_name, scratch};
 use crate::timing::{Took, clocked};
 use crate::voxels::{decoded, each_slab};
+use levels::SETTINGS;
 
+pub use levels::Level;
 pub use tables::write_peers;
 
 /// The Python script that measures one program.
 const SCRIPT: &str = include_str!("peers/peers.py");
 
-/// Programs that are measured through their own Python packages, and whether their stored form can be ray traced as it is.
-pub const PEERS: [(&str, &str); 8] = [
-    ("crackle", "no: a z layer is decoded for a voxel of it"),
-    ("crackle + zstd", "no: all is decoded"),
-    ("compresso", "no: a z layer is decoded for a voxel of it"),
-    ("compresso + gzip", "no: all is decoded"),
-    ("compressed_segmentation", "voxel by voxel: nothing tells a ray what it may skip"),
-    ("zstd", "no: all is decoded"),
-    ("NIfTI + gzip", "no: all is decoded"),
-    ("zarr", "no: chunks are decoded"),
+/// Programs that are measured through their own Python packages: name, usual setting, and whether the stored form can be ray traced as it is.
+pub const PEERS: [(&str, &str, &str); 9] = [
+    ("crackle", "defaults", "no: a z layer is decoded for a voxel of it"),
+    ("crackle + zstd", "zstd 19", "no: all is decoded"),
+    ("compresso", "defaults", "no: a z layer is decoded for a voxel of it"),
+    ("compresso + gzip", "gzip 9", "no: all is decoded"),
+    ("compressed_segmentation", "blocks of 8³", "voxel by voxel: nothing tells a ray what it may skip"),
+    ("compressed_segmentation + zstd", "zstd 3", "no: all is decoded"),
+    ("zstd", "zstd 3", "no: all is decoded"),
+    ("NIfTI + gzip", "gzip 6", "no: all is decoded"),
+    ("zarr", "zstd 3", "no: chunks are decoded"),
+];
+
+/// The levels of Pumice's files.
+const LEVELS: [(CompressionLevel, &str); 3] = [
+    (CompressionLevel::Fast, "fast"),
+    (CompressionLevel::Default, "default"),
+    (CompressionLevel::Small, "small"),
 ];
 
 /// Number of voxels that are read one by one (of slow programs only as many as two seconds allow).
@@ -60,6 +73,8 @@ pub struct PeersOptions {
     pub python: PathBuf,
     /// Names from [`PEERS`] that are not measured.
     pub without: Vec<String>,
+    /// Whether programs are measured at other settings too.
+    pub levels: bool,
 }
 
 /// Measurements of one program.
@@ -75,6 +90,9 @@ pub struct Peer {
     pub compress: Took,
     /// Time from those bytes to an array.
     pub decompress: Took,
+    /// Time from those bytes to what rays can be traced through or all voxels read from: for Pumice's files the form in memory, else as
+    /// `decompress`.
+    pub opening: Took,
     /// CPU seconds for reading one voxel of the stored volume; NaN if not measured.
     pub voxel_cpu_seconds: f64,
     /// What the program does to read one voxel.
@@ -96,6 +114,8 @@ pub struct PeersTable {
     pub programs: Vec<Peer>,
     /// Names of programs that the caller left out.
     pub left_out: Vec<String>,
+    /// Each level of Pumice's files and each program at each setting; empty if they were not asked for.
+    pub levels: Vec<Level>,
 }
 
 #[derive(Deserialize)]
@@ -126,7 +146,7 @@ pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&s
             "--without: expected names among {names}, got {unknown:?}"
         )));
     }
-    let asked: Vec<(&str, &str)> =
+    let asked: Vec<(&str, &str, &str)> =
         PEERS.into_iter().filter(|p| options.without.iter().all(|n| n != p.0)).collect();
     let python = Python::new(&options.python, job)?;
     if !asked.is_empty() {
@@ -165,12 +185,12 @@ pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&s
         write_npy(&python.path("labels.npy"), kind, &[2, 1, 0].map(|a| dims[a] as usize), bytes)?;
     }
     drop(labels);
-    for (name, traversable) in asked {
-        watch(name);
+    let measured = |name: &str, traversable: &str, setting: Value, voxels: &[[u32; 3]]| -> Result<Peer> {
         let report: Report = python.ask(
             name,
             json!({
                 "peer": name,
+                "setting": setting,
                 "labels": python.path("labels.npy"),
                 "voxels": voxels,
                 "scratch": python.path("scratch"),
@@ -182,24 +202,50 @@ pub fn measure_peers(options: &PeersOptions, job: &Job, watch: &mut dyn FnMut(&s
                 "{path}: {name} {version} returned other voxels than it was given"
             )));
         }
-        programs.push(Peer {
+        Ok(Peer {
             name: name.into(),
             version: report.version,
             bytes: report.bytes,
             compress: report.compress,
             decompress: report.decompress,
+            opening: report.decompress,
             voxel_cpu_seconds: report.voxel_cpu_seconds,
             one_voxel: report.one_voxel,
             traversable: traversable.into(),
-        });
+        })
+    };
+    for &(name, _, traversable) in &asked {
+        watch(name);
+        programs.push(measured(name, traversable, json!({}), &voxels)?);
     }
-    Ok(PeersTable {
+    let mut table = PeersTable {
         volume: file_name(&options.volume),
         dims,
         bytes_raw: dims.iter().map(|&d| u64::from(d)).product::<u64>().saturating_mul(4),
         programs,
         left_out: options.without.clone(),
-    })
+        levels: Vec::new(),
+    };
+    if options.levels {
+        for (level, setting) in LEVELS {
+            let name = format!("Pumice, {setting}");
+            let peer = table.programs.iter().find(|p| p.name == name);
+            debug_assert!(peer.is_some(), "{level:?} is measured");
+            table.levels.extend(peer.map(|peer| Level::of(&table, "Pumice", setting, peer)));
+        }
+        for (name, usual, traversable) in asked {
+            let peer = table.programs.iter().find(|p| p.name == name);
+            table.levels.extend(peer.map(|peer| Level::of(&table, name, usual, peer)));
+            for (_, setting, keywords) in SETTINGS.into_iter().filter(|s| s.0 == name) {
+                watch(&format!("{name}, {setting}"));
+                let keywords = serde_json::from_str(keywords)
+                    .map_err(|e| SessionError::Caller(format!("{name}, {setting}: {e}")))?;
+                let peer = measured(name, traversable, keywords, &[])?;
+                table.levels.push(Level::of(&table, name, setting, &peer));
+            }
+        }
+    }
+    Ok(table)
 }
 
 /// The Python interpreter, and a temporary folder for requests and reports.
@@ -263,11 +309,7 @@ fn pumice(
     let file = folder.path().join("volume.pumice");
 
     let mut programs = Vec::new();
-    for (level, name) in [
-        (CompressionLevel::Fast, "fast"),
-        (CompressionLevel::Default, "default"),
-        (CompressionLevel::Small, "small"),
-    ] {
+    for (level, name) in LEVELS {
         watch(&format!("Pumice, {name}"));
         let ((), saving) = clocked(|| Ok(volume.save(&file, level, job)?))?;
         let mut same = true;
@@ -300,6 +342,7 @@ fn pumice(
             bytes: std::fs::metadata(&file).map_err(io(&file))?.len(),
             compress: compressing + saving,
             decompress: opening + decoding,
+            opening,
             voxel_cpu_seconds: f64::NAN,
             one_voxel: "opened once, then as in memory".into(),
             traversable: "once it is opened".into(),
@@ -343,6 +386,7 @@ fn pumice(
         bytes,
         compress: compressing,
         decompress: decoding,
+        opening: Took::default(),
         voxel_cpu_seconds: reading.cpu_seconds / voxels.len() as f64,
         one_voxel: format!("from its box, by an index of {} bytes more", volume.grid().bytes()),
         traversable: format!("yes, with bricks of {} bytes more", tracing_bytes(&volume)?),

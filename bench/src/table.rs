@@ -26,9 +26,14 @@ pub struct Table {
 impl Table {
     /// A table of these rows, with the columns of the first row.
     pub fn of<R: Row>(rows: &[R]) -> Self {
+        Self::of_cells(rows.iter().map(Row::cells))
+    }
+
+    /// A table of rows of (column name, cell text), as [`Row::cells`] gives them.
+    pub(crate) fn of_cells(rows: impl IntoIterator<Item = Vec<(&'static str, String)>>) -> Self {
         let mut table = Self::default();
         for row in rows {
-            let (columns, cells): (Vec<&'static str>, Vec<String>) = row.cells().into_iter().unzip();
+            let (columns, cells): (Vec<&'static str>, Vec<String>) = row.into_iter().unzip();
             if table.rows.is_empty() {
                 table.columns = columns;
             } else {

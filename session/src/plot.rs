@@ -19,8 +19,8 @@ pub struct Axes<'a> {
     pub y: &'a str,
     /// Decimal digits of the labels along y.
     pub y_digits: usize,
-    /// A grey guide line: its slope on logarithmic scales, and its name.
-    pub slope: (f64, &'a str),
+    /// A grey guide line, if there is one: its slope on logarithmic scales, and its name.
+    pub slope: Option<(f64, &'a str)>,
 }
 
 /// A named curve, whose coordinates are above 0.
@@ -47,7 +47,9 @@ pub fn error_against_time_svg(title: &str, series: &[Series<'_>]) -> Result<Opti
         return Ok(None);
     }
     let axes =
-        Axes { x: "seconds", y: "estimated relative error, %", y_digits: 2, slope: (-0.5, "1/√time") };
+        Axes {
+            x: "seconds", y: "estimated relative error, %", y_digits: 2, slope: Some((-0.5, "1/√time"))
+        };
     log_log_svg(title, &axes, &curves).map(Some)
 }
 
@@ -89,16 +91,25 @@ pub fn log_log_svg(title: &str, axes: &Axes<'_>, curves: &[Curve<'_>]) -> Result
             .y_label_formatter(&|y| short(*y, axes.y_digits))
             .light_line_style(RGBColor(238, 238, 238))
             .draw()?;
-        if let Some(&(x, y)) = curves.first().and_then(|c| c.points.last()) {
-            let (slope, name) = axes.slope;
+        if let Some((&(x, y), (slope, name))) = curves.first().and_then(|c| c.points.last()).zip(axes.slope) {
             let line = [x0, x1].map(|end| (end, y * (end / x).powf(slope)));
             chart
                 .draw_series(LineSeries::new(line, RGBColor(170, 170, 170).stroke_width(1)))?
                 .label(name)
                 .legend(|(x, y)| PathElement::new([(x, y), (x + 18, y)], RGBColor(170, 170, 170)));
         }
-        let colors =
-            [RGBColor(31, 101, 166), RGBColor(201, 88, 46), RGBColor(72, 132, 72), RGBColor(130, 80, 150)];
+        let colors = [
+            RGBColor(31, 101, 166),
+            RGBColor(201, 88, 46),
+            RGBColor(72, 132, 72),
+            RGBColor(130, 80, 150),
+            RGBColor(160, 130, 20),
+            RGBColor(30, 150, 160),
+            RGBColor(200, 70, 130),
+            RGBColor(100, 100, 100),
+            RGBColor(120, 70, 40),
+            RGBColor(120, 170, 30),
+        ];
         for (curve, color) in curves.iter().zip(colors.iter().cycle()) {
             let style = color.stroke_width(2);
             chart

@@ -30,6 +30,19 @@ def test_each_picture_has_a_row_with_and_without_the_denoiser(measured):
     assert (measured / "denoise_sky-floor.svg").read_text().startswith("<svg")
 
 
+@pytest.mark.full
+def test_a_live_picture_comes_close_to_the_converged_one_sooner_when_it_is_denoised(pumice, data, tmp_path):
+    flags = [*TINY, "--only", "sky-floor", "--viewport", "--out", tmp_path]
+    run(pumice, "bench", "denoise", data / "slicer_Segmentation.seg.nrrd", *flags).fine()
+    with (tmp_path / "viewport.csv").open() as file:
+        raw, smooth = csv.DictReader(file)
+    assert [raw["denoised"], smooth["denoised"]] == ["no", "yes"]
+    for row in (raw, smooth):
+        # So few pixels converge while they are watched.
+        assert float(row["FLIP 0.06, CPU s"]) > 0 and float(row["FLIP then"]) <= 0.06 < float(raw["its FLIP"]), row
+    assert int(smooth["with samples"]) <= int(raw["with samples"])
+
+
 def test_what_cannot_denoise_is_refused_before_anything_is_rendered(pumice, data, tmp_path):
     volume = data / "slicer_Segmentation.seg.nrrd"
     line = run(pumice, "bench", "denoise", volume, "--oidn", tmp_path / "python", "--out", tmp_path / "out").refused()

@@ -41,7 +41,7 @@ def test_bytes_are_those_of_the_committed_table(measured):
     out, said = measured
     assert str(out / "peers.md") in said
     got, expected = rows_of(out / "peers.csv", SMALL), rows_of(COMMITTED, SMALL)
-    assert len(expected) == 12 and differing(got, expected) == []
+    assert len(expected) == 13 and differing(got, expected) == []
     # Control: the comparison finds one byte of difference, and a missing program.
     for program in ("crackle", "Pumice, default"):
         off = {**got, program: {**got[program], "bytes": str(int(got[program]["bytes"]) + 1)}}
@@ -61,6 +61,31 @@ def test_the_table_is_whole_and_its_figures_are_possible(measured):
     voxel = {program: float(row["voxel_cpu_us"]) for program, row in rows.items() if row["voxel_cpu_us"]}
     # Decoding everything to read one voxel is slower than decoding one block, by orders of magnitude on any machine.
     assert voxel["zstd"] > 10 * voxel["compressed_segmentation"]
+
+
+def test_levels_are_each_at_its_own_bytes_and_seconds(pumice, data, tmp_path):
+    volume = "slicer_Segmentation.seg.nrrd"
+    without = [p for p in rows_of(COMMITTED, SMALL) if not p.startswith("Pumice") and p not in {"zstd", "NIfTI + gzip"}]
+    flags = ["--levels", "--python", sys.executable, "--out", tmp_path, "--without", ",".join(without)]
+    run(pumice, "bench", "peers", data / volume, *flags).fine()
+    with (tmp_path / "peers_levels.csv").open() as file:
+        rows = {(row["program"], row["setting"]): row for row in csv.DictReader(file) if row["volume"] == volume}
+    assert list(rows) == [
+        *(("Pumice", level) for level in ("fast", "default", "small")),
+        *(("zstd", f"zstd {level}") for level in (3, 1, 9, 19)),
+        *(("NIfTI + gzip", f"gzip {level}") for level in (6, 1, 9)),
+    ]
+    size = {key: int(row["bytes"]) for key, row in rows.items()}
+    # A higher level takes fewer bytes, and the usual ones are those of the other table.
+    assert size["Pumice", "fast"] > size["Pumice", "default"] > size["Pumice", "small"]
+    assert size["zstd", "zstd 3"] > size["zstd", "zstd 19"]
+    assert size["NIfTI + gzip", "gzip 1"] > size["NIfTI + gzip", "gzip 9"]
+    usual = rows_of(tmp_path / "peers.csv", volume)
+    assert size["zstd", "zstd 3"] == int(usual["zstd"]["bytes"])
+    assert size["Pumice", "small"] == int(usual["Pumice, small"]["bytes"])
+    for what in ("writing", "opening"):
+        assert (tmp_path / f"peers_levels_slicer_Segmentation_{what}.svg").read_text().startswith("<svg")
+    assert "| zstd | zstd 19 | " in (tmp_path / "peers_levels.md").read_text()
 
 
 def test_what_is_left_out_is_told(pumice, data, tmp_path):

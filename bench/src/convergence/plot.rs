@@ -20,7 +20,7 @@ pub(super) fn svg(scene: &Convergence) -> Result<String, String> {
     let title = format!("{}, {} bounces", scene.volume, scene.bounces);
     log_log_svg(
         &title,
-        &Axes { x: "CPU seconds", y: "relMSE", y_digits: 5, slope: (-1.0, "1/time") },
+        &Axes { x: "CPU seconds", y: "relMSE", y_digits: 5, slope: Some((-1.0, "1/time")) },
         &curves,
     )
 }

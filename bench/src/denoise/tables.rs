@@ -1,13 +1,14 @@
 //! Writes the results: a CSV row for each picture, a Markdown page, and a plot for each scene.
 
-use std::fmt::Write;
 use std::path::Path;
 
 use pumice_session::error::{Result, SessionError};
 use pumice_session::plot::{Axes, Curve, log_log_svg};
 
+use super::viewport::{CORES, SECONDS, Viewport, WATCHED_CPU_SECONDS};
 use super::{Denoised, Through};
 use crate::files::write_results;
+use crate::table::Table;
 
 const ALL: [Through; 3] = [Through::Nothing, Through::Pumice, Through::Oidn];
 
@@ -34,29 +35,58 @@ pub(super) fn write(
     write_results(folder, files)
 }
 
+/// Writes `viewport.csv` and `viewport.md` into `folder`, which is created if missing.
+///
+/// # Errors
+/// When the folder cannot be written.
+pub(super) fn write_viewport(
+    folder: &Path,
+    machine: &str,
+    [width, height]: [u32; 2],
+    reference_spp: u32,
+    rows: &[Viewport],
+) -> Result<()> {
+    let table = Table::of(rows);
+    let page = format!(
+        "# viewport\n\n{machine}\n\nA live picture of {width} × {height} pixels after the camera moved, against one of {reference_spp} samples. \
+         CPU seconds are those of all threads since the move; {SECONDS} s on two idle cores are {} of them. A dash: never, in {WATCHED_CPU_SECONDS} CPU seconds.\n\n{}",
+        SECONDS * CORES,
+        table.markdown()
+    );
+    write_results(folder, [("viewport.csv".into(), table.csv()), ("viewport.md".into(), page)])
+}
+
 fn scenes(results: &[Denoised]) -> Vec<&'static str> {
     let mut names: Vec<&'static str> = results.iter().map(|r| r.scene).collect();
     names.dedup();
     names
 }
 
-fn csv(size: [u32; 2], results: &[Denoised]) -> String {
-    let [width, height] = size;
-    let mut text = String::from("scene,width,height,samples,denoiser,CPU s,of which denoising,relMSE,FLIP\n");
-    for r in results {
-        let _ = writeln!(
-            text,
-            "{},{width},{height},{},{},{:.3},{:.3},{:.4e},{:.4}",
-            r.scene,
-            r.spp,
-            r.through.name(),
-            r.render_cpu_seconds + r.denoise_cpu_seconds,
-            r.denoise_cpu_seconds,
-            r.rel_mse,
-            r.flip
-        );
-    }
-    text
+/// A picture as a row; in the CSV with its scene and size.
+fn cells(r: &Denoised) -> Vec<(&'static str, String)> {
+    vec![
+        ("samples", r.spp.to_string()),
+        ("denoiser", r.through.name().into()),
+        ("CPU s", format!("{:.3}", r.render_cpu_seconds + r.denoise_cpu_seconds)),
+        ("of which denoising", format!("{:.3}", r.denoise_cpu_seconds)),
+        ("relMSE", format!("{:.3e}", r.rel_mse)),
+        ("FLIP", format!("{:.4}", r.flip)),
+    ]
+}
+
+/// The table of some pictures, each row with `more` cells before its own.
+fn table<'a>(
+    results: impl Iterator<Item = &'a Denoised>,
+    more: impl Fn(&Denoised) -> Vec<(&'static str, String)>,
+) -> Table {
+    Table::of_cells(results.map(|r| more(r).into_iter().chain(cells(r)).collect()))
+}
+
+fn csv([width, height]: [u32; 2], results: &[Denoised]) -> String {
+    table(results.iter(), |r| {
+        vec![("scene", r.scene.into()), ("width", width.to_string()), ("height", height.to_string())]
+    })
+    .csv()
 }
 
 fn markdown(machine: &str, oidn: Option<&str>, [width, height]: [u32; 2], results: &[Denoised]) -> String {
@@ -65,22 +95,8 @@ fn markdown(machine: &str, oidn: Option<&str>, [width, height]: [u32; 2], result
         "# denoise\n\n{machine}\n\nPictures of {width} × {height} pixels. relMSE is less the part of the reference's own noise.{with}\n"
     );
     for scene in scenes(results) {
-        let _ = write!(
-            text,
-            "\n## {scene}\n\n| samples | denoiser | CPU s | of which denoising | relMSE | FLIP |\n| --- | --- | --- | --- | --- | --- |\n"
-        );
-        for r in results.iter().filter(|r| r.scene == scene) {
-            let _ = writeln!(
-                text,
-                "| {} | {} | {:.2} | {:.2} | {:.3e} | {:.4} |",
-                r.spp,
-                r.through.name(),
-                r.render_cpu_seconds + r.denoise_cpu_seconds,
-                r.denoise_cpu_seconds,
-                r.rel_mse,
-                r.flip
-            );
-        }
+        let of = table(results.iter().filter(|r| r.scene == scene), |_| Vec::new());
+        text += &format!("\n## {scene}\n\n{}", of.markdown());
     }
     text
 }
@@ -94,7 +110,7 @@ fn svg(scene: &str, results: &[Denoised]) -> std::result::Result<String, String>
             .collect(),
     };
     let curves: Vec<Curve<'_>> = ALL.map(curve).into_iter().filter(|c| !c.points.is_empty()).collect();
-    let axes = Axes { x: "CPU seconds", y: "relMSE", y_digits: 5, slope: (-1.0, "1/time") };
+    let axes = Axes { x: "CPU seconds", y: "relMSE", y_digits: 5, slope: Some((-1.0, "1/time")) };
     log_log_svg(scene, &axes, &curves)
 }
 
@@ -116,12 +132,12 @@ mod tests {
         let results =
             [row(1, Through::Nothing, 0.5), row(1, Through::Pumice, 0.125), row(4, Through::Pumice, -1e-9)];
         let text = csv([4, 3], &results);
-        assert_eq!(text.lines().nth(2), Some("a,4,3,1,Pumice,2.500,0.500,1.2500e-1,0.2500"));
+        assert_eq!(text.lines().nth(2), Some("a,4,3,1,Pumice,2.500,0.500,1.250e-1,0.2500"));
         assert_eq!(text.lines().count(), 4);
         // What is below the reference's noise is in the tables and not in the plot.
         assert!(
             markdown("m", Some("2"), [4, 3], &results)
-                .contains("| 4 | Pumice | 2.50 | 0.50 | -1.000e-9 | 0.2500 |")
+                .contains("| 4 | Pumice | 2.500 | 0.500 | -1.000e-9 | 0.2500 |")
         );
         assert!(svg("a", &results).unwrap().starts_with("<svg"));
     }

@@ -67,7 +67,7 @@ fn markdown(machine: &str, tables: &[LodTable]) -> String {
     let mut text = format!(
         "# lod\n\n{machine}\n\nFigures of the longest labels at each level of detail, on the CPU. *Own relMSE* and *own FLIP* are the \
          errors due to the level itself, against voxels, with the noise subtracted. *Touched* is how much of the mapped file was in \
-         memory after four samples, as the system counts it (with what it reads ahead); *held* is the hierarchy over the boxes and the \
+         memory after four samples, as the system counts it (with what it reads ahead); *held* is what rays need and the \
          renderer's own tables. relMSE of pictures is against voxels with many samples, whose own error is subtracted; where the curve of \
          a level becomes flat, more samples at that level no longer help.\n"
     );
@@ -123,7 +123,7 @@ fn svg(table: &LodTable) -> std::result::Result<String, String> {
         })
         .collect();
     let title = format!("{}, {} × {} pixels", table.volume, table.size[0], table.size[1]);
-    let axes = Axes { x: "CPU seconds", y: "relMSE", y_digits: 5, slope: (-1.0, "1/time") };
+    let axes = Axes { x: "CPU seconds", y: "relMSE", y_digits: 5, slope: Some((-1.0, "1/time")) };
     log_log_svg(&title, &axes, &curves)
 }
 

@@ -9,7 +9,7 @@ pub(super) fn svgs(volume: &PaperTables) -> Result<Vec<(String, String)>, String
     let mut files = Vec::new();
     if let Some(reuse) = volume.reuse.last().filter(|r| !r.ranked.is_empty()) {
         let curve = Curve { name: "uses", points: ranks(&reuse.ranked) };
-        let axes = Axes { x: "nodes", y: "uses of the node", y_digits: 0, slope: (-1.0, "1/nodes") };
+        let axes = Axes { x: "nodes", y: "uses of the node", y_digits: 0, slope: Some((-1.0, "1/nodes")) };
         let title = format!("{}: uses of the shared graph's nodes", volume.volume);
         files.push((format!("paper_{stem}_reuse.svg"), log_log_svg(&title, &axes, &[curve])?));
     }
@@ -23,7 +23,7 @@ pub(super) fn svgs(volume: &PaperTables) -> Result<Vec<(String, String)>, String
         })
         .collect();
     if curves.iter().all(|c| !c.points.is_empty()) {
-        let axes = Axes { x: "boxes", y: "MB", y_digits: 4, slope: (1.0, "boxes") };
+        let axes = Axes { x: "boxes", y: "MB", y_digits: 4, slope: Some((1.0, "boxes")) };
         let title = format!("{}: growth while types are merged", volume.volume);
         files.push((format!("paper_{stem}_growth.svg"), log_log_svg(&title, &axes, &curves)?));
     }

@@ -1,7 +1,7 @@
 """Measures another program that stores label volumes: bytes, CPU seconds, time to read one voxel. `pumice bench peers` runs it per program.
 
-The request is a JSON file: {"peer": name, "labels": .npy, "voxels": [[x, y, z], …], "scratch": a folder's name, "report": .json}, or
-{"check": [names], "report": .json}, which reports missing packages. The array is C-ordered (z, y, x), so x varies fastest, as most of
+The request is a JSON file: {"peer": name, "setting": {keyword: value}, "labels": .npy, "voxels": [[x, y, z], …], "scratch": a folder's
+name, "report": .json}, or {"check": [names], "report": .json}, which reports missing packages. The array is C-ordered (z, y, x), so x varies fastest, as most of
 the programs expect.
 """
 
@@ -25,8 +25,8 @@ class Crackle:
     def __init__(self, package):
         self.package = package
 
-    def compress(self, labels):
-        return self.package.compress(labels)
+    def compress(self, labels, **setting):
+        return self.package.compress(labels, **setting)
 
     def decompress(self, packed, like):
         return self.package.decompress(packed)
@@ -45,8 +45,8 @@ class CrackleZstd(Crackle):
         super().__init__(package)
         self.zstd = importlib.import_module("zstandard")
 
-    def compress(self, labels):
-        return self.zstd.ZstdCompressor(level=19).compress(super().compress(labels))
+    def compress(self, labels, level=19, **setting):
+        return self.zstd.ZstdCompressor(level=level).compress(super().compress(labels, **setting))
 
     def decompress(self, packed, like):
         return super().decompress(self.zstd.ZstdDecompressor().decompress(packed), like)
@@ -75,8 +75,8 @@ class Compresso:
 class CompressoGzip(Compresso):
     one_voxel = "decodes all, then its z layer"
 
-    def compress(self, labels):
-        return gzip.compress(super().compress(labels), 9, mtime=0)
+    def compress(self, labels, level=9):
+        return gzip.compress(super().compress(labels), level, mtime=0)
 
     def decompress(self, packed, like):
         return super().decompress(gzip.decompress(packed), like)
@@ -105,6 +105,26 @@ class CompressedSegmentation:
         return lambda x, y, z: array[x, y, z]
 
 
+class CompressedSegmentationZstd(CompressedSegmentation):
+    """Such blocks compressed once more with zstd, as servers of Neuroglancer's volumes store them."""
+
+    one_voxel = "decodes all, then its block of 8³"
+
+    def __init__(self, package):
+        super().__init__(package)
+        self.zstd = importlib.import_module("zstandard")
+
+    def compress(self, labels, level=3):
+        return self.zstd.ZstdCompressor(level=level).compress(super().compress(labels))
+
+    def decompress(self, packed, like):
+        return super().decompress(self.zstd.ZstdDecompressor().decompress(packed), like)
+
+    def reader(self, packed, like):
+        blocks = super().reader
+        return lambda x, y, z: blocks(self.zstd.ZstdDecompressor().decompress(packed), like)(x, y, z)
+
+
 class Zstd:
     package = ("zstandard", "zstandard")
     one_voxel = "decodes all"
@@ -112,8 +132,8 @@ class Zstd:
     def __init__(self, package):
         self.package = package
 
-    def compress(self, labels):
-        return self.package.ZstdCompressor(level=3).compress(memoryview(labels.T).cast("B"))
+    def compress(self, labels, level=3):
+        return self.package.ZstdCompressor(level=level).compress(memoryview(labels.T).cast("B"))
 
     def decompress(self, packed, like):
         numpy = importlib.import_module("numpy")
@@ -135,8 +155,8 @@ class NiftiGzip:
         numpy = importlib.import_module("numpy")
         return self.package.Nifti1Image(labels, numpy.eye(4), dtype=labels.dtype)
 
-    def compress(self, labels):
-        return gzip.compress(self.image(labels).to_bytes(), 6, mtime=0)
+    def compress(self, labels, level=6):
+        return gzip.compress(self.image(labels).to_bytes(), level, mtime=0)
 
     def decompress(self, packed, like):
         numpy = importlib.import_module("numpy")
@@ -156,14 +176,14 @@ class Zarr:
     def __init__(self, package):
         self.package = package
 
-    def compress(self, labels):
+    def compress(self, labels, level=3):
         codecs = importlib.import_module("zarr.codecs")
         array = self.package.create_array(
             self.file,
             shape=labels.shape[::-1],
             chunks=(64, 64, 64),
             dtype=labels.dtype,
-            compressors=codecs.ZstdCodec(level=3),
+            compressors=codecs.ZstdCodec(level=level),
             overwrite=True,
         )
         array[:] = labels.T
@@ -183,6 +203,7 @@ PEERS = {
     "compresso": Compresso,
     "compresso + gzip": CompressoGzip,
     "compressed_segmentation": CompressedSegmentation,
+    "compressed_segmentation + zstd": CompressedSegmentationZstd,
     "zstd": Zstd,
     "NIfTI + gzip": NiftiGzip,
     "zarr": Zarr,
@@ -213,7 +234,7 @@ def missing(names):
     lines = []
     for name in names:
         packages = [PEERS[name].package, ("numpy", "numpy")]
-        if name == "crackle + zstd":
+        if name.endswith(" + zstd"):
             packages.append(Zstd.package)
         for distribution, module in packages:
             try:
@@ -231,7 +252,7 @@ def measure(job):
     peer.file = pathlib.Path(job["scratch"]).with_suffix(".nii.gz" if kind is NiftiGzip else "")
     labels = numpy.load(job["labels"]).T
 
-    packed, compressing = clocked(lambda: peer.compress(labels))
+    packed, compressing = clocked(lambda: peer.compress(labels, **job["setting"]))
     back, decompressing = clocked(lambda: peer.decompress(packed, labels))
     same = bool(back.shape == labels.shape and numpy.array_equal(back, labels))
     del back
@@ -251,7 +272,7 @@ def measure(job):
         "compress": compressing,
         "decompress": decompressing,
         "lossless": same and wrong == 0,
-        "voxel_cpu_seconds": seconds / read_count,
+        "voxel_cpu_seconds": seconds / max(read_count, 1),
         "one_voxel": kind.one_voxel,
     }
 

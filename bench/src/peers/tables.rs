@@ -1,19 +1,25 @@
-//! Writes the measurements as CSV, one row per program, and as a Markdown page.
+//! Writes the measurements as CSV, one row per program, and as a Markdown page; levels and settings in files of their own.
 
 use std::path::Path;
 
-use pumice_session::error::Result;
+use pumice_session::error::{Result, SessionError};
 
-use super::{Peer, PeersTable};
+use super::{Level, Peer, PeersTable, levels};
 use crate::files::write_results;
 use crate::table::quoted;
 
-/// Writes `peers.csv` and `peers.md` into `folder`; `machine` describes the machine.
+/// Writes `peers.csv` and `peers.md` into `folder`, and where levels were measured, their table and plots; `machine` describes the machine.
 ///
 /// # Errors
 /// When the folder or a file cannot be written.
 pub fn write_peers(folder: &Path, machine: &str, tables: &[PeersTable]) -> Result<()> {
-    write_results(folder, [("peers.csv".into(), csv(tables)), ("peers.md".into(), markdown(machine, tables))])
+    let mut files =
+        vec![("peers.csv".to_owned(), csv(tables)), ("peers.md".to_owned(), markdown(machine, tables))];
+    let all: Vec<Level> = tables.iter().flat_map(|t| t.levels.iter().cloned()).collect();
+    if !all.is_empty() {
+        files.extend(levels::files(machine, &all).map_err(SessionError::Caller)?);
+    }
+    write_results(folder, files)
 }
 
 fn csv(tables: &[PeersTable]) -> String {

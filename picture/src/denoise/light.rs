@@ -47,7 +47,6 @@ impl Light {
 
 /// Of each pixel that takes part, the greater of its own variance and the mean of those that are known of its label among the 3 × 3 pixels
 /// around it; [`UNKNOWN`] where its own is. `own` is UNKNOWN also where a pixel takes no part.
-#[expect(clippy::needless_range_loop, reason = "lanes of several arrays side by side")]
 fn pooled(own: &Triple, takes_part: &[f32], guides: &Guides) -> Result<Triple, NoMemory> {
     let layout = guides.layout;
     let [mut red, mut green, mut blue] = [layout.zeroes()?, layout.zeroes()?, layout.zeroes()?];

@@ -66,7 +66,9 @@ pub(super) fn error_svg(named: [(&str, &[(f64, f64)]); 2]) -> Option<String> {
         .filter(|curve| !curve.points.is_empty())
         .collect();
     let axes =
-        Axes { x: "seconds", y: "estimated relative error, %", y_digits: 2, slope: (-0.5, "1/√time") };
+        Axes {
+            x: "seconds", y: "estimated relative error, %", y_digits: 2, slope: Some((-0.5, "1/√time"))
+        };
     log_log_svg("Error against run time", &axes, &curves).ok()
 }
 

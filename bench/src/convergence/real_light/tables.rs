@@ -187,7 +187,7 @@ fn svg(result: &LightResult) -> std::result::Result<String, String> {
                 .collect(),
         })
         .collect();
-    let axes = Axes { x: "CPU seconds", y: "noise", y_digits: 5, slope: (-1.0, "1/time") };
+    let axes = Axes { x: "CPU seconds", y: "noise", y_digits: 5, slope: Some((-1.0, "1/time")) };
     log_log_svg(&format!("{}, {} bounces", result.scene, result.bounces), &axes, &curves)
 }
 
