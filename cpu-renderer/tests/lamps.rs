@@ -44,7 +44,7 @@ fn halves(lights: Lights, finding: LightStrategy, mode: Mode, seed: u64, samples
     let film = Film::new(12, 12, Filter::Box { width: 1.0 });
     let mut picture = PathTracer::new(tracer(), around, &camera, &film).expect("memory for the film");
     picture.add_samples(samples, &Job::default()).expect("samples");
-    let mean = picture.film().mean().unwrap();
+    let mean = picture.film().mean().expect("memory");
     let mut sums = [Vec3::ZERO; 2];
     for (i, p) in mean.pixels.iter().enumerate() {
         // The wall is in the middle of the picture.

@@ -510,6 +510,55 @@ mod tests {
         Lights::new(Sky::Constant(Vec3::ZERO), suns, None).with_lamps((0..lamps).map(lamp).collect())
     }
 
+    /// Odds, probabilities and the choice are those of each light's weight, asked one by one, whether weights are kept, computed together,
+    /// or neither.
+    #[test]
+    fn lights_are_chosen_by_their_weights() {
+        for lamps in [0, 3, 7, 8, 30] {
+            let lights = lights(lamps);
+            let all: Vec<Light> = std::iter::once(Light::Sky)
+                .chain((0..2).map(Light::Sun))
+                .chain((0..lamps as usize).map(Light::Lamp))
+                .chain([Light::Emitters])
+                .collect();
+            let mut chosen = std::collections::BTreeSet::new();
+            for i in 0..200 {
+                let at = |a: f64| 4.0 * (a * f64::from(i)).sin();
+                let normal = DVec3::new(at(1.3), at(2.7), 1.0).normalize().as_vec3();
+                let from =
+                    Receiver { point: DVec3::new(at(1.0), at(0.6), 0.0), normal, both_sides: i % 3 == 0 };
+                let odds = lights.odds(&from);
+                let weights: Vec<f32> = all.iter().map(|&light| lights.weight(light, &from)).collect();
+                let (total, lit) = weights
+                    .iter()
+                    .fold((0.0, 0.0), |(total, lit), &w| (total + w, lit + f32::from(u8::from(w > 0.0))));
+                assert_eq!((odds.total, odds.lit), (total, lit));
+                let share = |w: f32| if w > 0.0 { 0.1 / lit + 0.9 * (w / total) } else { 0.0 };
+                for (light, weight) in all.iter().zip(&weights) {
+                    let probability = lights.probability(*light, &from, &odds);
+                    assert!((probability - share(*weight)).abs() <= 1e-6, "{light:?}");
+                }
+                let choice = i as f32 / 200.0;
+                let mut below = 0.0;
+                let place = weights.iter().position(|&w| {
+                    below += f64::from(share(w));
+                    f64::from(choice) < below
+                });
+                let Some((light, chance, within)) = lights.choose(&from, &odds, choice) else {
+                    assert_eq!((place, total), (None, 0.0), "something shines");
+                    continue;
+                };
+                let found = lights.place_of(light);
+                // (A choice within f32's rounding of the border is either's.)
+                let is_near_border = !(1e-3..1.0 - 1e-3).contains(&within);
+                assert!(place == Some(found) || is_near_border, "{place:?} {light:?} {choice} {within}");
+                assert!((chance - share(weights[found])).abs() <= 1e-6);
+                chosen.insert(found);
+            }
+            assert!(chosen.len() > 2 + lamps as usize / 3, "{chosen:?}");
+        }
+    }
+
     /// The camera sees the lamp that is shown, and where none is shown, none.
     #[test]
     fn the_camera_sees_lamps_that_are_shown() {

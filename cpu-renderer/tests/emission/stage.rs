@@ -95,7 +95,7 @@ impl Stage {
     pub(crate) fn cut(mut self, cuts: &[CutShape]) -> Self {
         let [only] = self.tracer.volumes() else { panic!("one volume") };
         let place = only.placement().world_from_index;
-        let again = only.again(0, place, LodChoice::Voxels).unwrap();
+        let again = only.again(0, place, LodChoice::Voxels).unwrap().unwrap();
         self.tracer = SceneTracer::of(vec![Arc::new(again.with_cuts(cuts))]);
         self
     }

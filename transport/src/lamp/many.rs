@@ -86,10 +86,10 @@ impl ManyLamps {
     ) -> impl Iterator<Item = (usize, [f32; LANES])> + 'a {
         // (Where squares may overflow, each lamp deals with infinities.)
         let far = f64::from(self.size_squared) + (from.point - self.middle).length_squared();
-        let overflows = !(far < MOST_SQUARED);
+        let is_in_range = far < MOST_SQUARED;
         self.blocks.iter().zip((0..).step_by(LANES)).map(move |(block, first)| {
             let mut irradiances = block.irradiances_at(from);
-            let mut alone = if overflows { block.used } else { block.flat };
+            let mut alone = if is_in_range { block.flat } else { block.used };
             while alone != 0 {
                 let i = alone.trailing_zeros() as usize;
                 alone &= alone - 1;
@@ -150,7 +150,8 @@ impl Block {
             let far = self.reach_squared[i] + (self.reach_squared[i] * ROUNDINGS + slack);
             // The squared distance from the whole line; behind the start, that from the start. (Where numbers overflow, all are near.)
             let beside = squared - if along > 0.0 { along * along } else { 0.0 };
-            is_near[i] = !(beside > far);
+            let is_far = beside > far;
+            is_near[i] = !is_far;
         }
         // (Mostly there are none.)
         if is_near == [false; LANES] {
@@ -193,7 +194,7 @@ mod tests {
                         glam::DQuat::from_rotation_x(place()),
                         DVec3::from_array(position),
                     ),
-                    outline: if i % 2 == 0 { Outline::Rectangle } else { Outline::Ellipse },
+                    outline: if i.is_multiple_of(2) { Outline::Rectangle } else { Outline::Ellipse },
                     size: [1.0 + radius, 0.5],
                     spread_rad: 3.0,
                 },

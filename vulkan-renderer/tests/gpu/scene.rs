@@ -73,7 +73,7 @@ impl Uploaded {
             let nodes = PackedNodes::new(&t.volume, &t.visible);
             let boxes =
                 PackedBoxes::new(&t.volume, &nodes, &t.visible, t.lod == LodChoice::Voxels).expect("packed");
-            self.instances[i].neighbors = self.put(gpu, &boxes.neighbors().unwrap());
+            self.instances[i].neighbors = self.put(gpu, &boxes.neighbors().expect("packed"));
         }
     }
 

@@ -228,7 +228,7 @@ fn of_first_surfaces() -> [u32; 20] {
 fn check_first_surfaces(fronts: &[Front]) {
     for front in fronts {
         for case in chosen() {
-            let picture = case.path_tracer().picture();
+            let picture = case.path_tracer().picture().unwrap();
             let (depth, label) = (picture.depth.expect("a depth"), picture.label.expect("a label"));
             let (albedo, normal) = (picture.albedo.expect("an albedo"), picture.normal.expect("a normal"));
             let position = picture.position.expect("a position");
