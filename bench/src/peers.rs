@@ -5,7 +5,7 @@
 //! volume ─► labels.npy ─► a Python process per program: compress, decompress, compare, read single voxels ─► report.json
 //!       └─► the same array, Pumice in this process: compress, save and open at each level, decode, `label_at`
 //! ```
-//! `--levels` adds programs at other settings ([`levels`]).
+//! `--levels` adds programs at other settings (module `levels`).
 //!
 //! Each program receives the voxels as an array in memory and returns them as one.
 
