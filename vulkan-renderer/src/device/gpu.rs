@@ -229,7 +229,7 @@ impl Gpu {
     }
 
     /// Runs `compile`, which has the driver compile shaders. A file in the cache folder marks that, for the case that the process does not
-    /// live to its end ([`super::unfinished`]).
+    /// live to its end ([`super::Unfinished`]).
     pub(crate) fn compiling<T>(
         &self,
         compile: impl FnOnce() -> Result<T, DeviceError>,
