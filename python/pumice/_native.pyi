@@ -582,9 +582,9 @@ def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsInde
     given, only these are read from a `.pumice` file.
     """
 
-def probe(path: str | PathLike[str], *, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None], job: Job | None = None) -> str:
+def probe(path: str | PathLike[str], *, query: str | None = None, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None], job: Job | None = None) -> str:
     """
-    A summary of a file, from its header alone, as JSON text.
+    A summary of a file, from its header alone, as JSON text; with a query, also what a process holds that shows only the labels that match.
     """
 
 def query_labels(line: str, ids: SupportsGetItem[int, SupportsIndex], names: SupportsGetItem[int, str], types: SupportsGetItem[int, str], columns: SupportsGetItem[int, tuple[str, SupportsGetItem[int, SupportsIndex] | SupportsGetItem[int, SupportsFloat | SupportsIndex]]]) -> Array:

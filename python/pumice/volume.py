@@ -356,15 +356,18 @@ def open(
 
 
 @checked
-def probe(path: Path, *, job: Job | None = None, **reading: Unpack[Reading]) -> dict[str, Any]:
+def probe(path: Path, *, query: str | None = None, job: Job | None = None, **reading: Unpack[Reading]) -> dict[str, Any]:
     """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings. Keywords are as for `open`.
 
     Of a file that is not a `.pumice` file no voxel is read. `choices` lists what the file leaves open and no keyword says, each as a dict:
     `keyword` (`layer`, `time`, `channel`, `array` or `axes`), `what` (a sentence), `values` (dicts of `value` and `text`), `assumed` (the
     answer that is taken without the keyword; None where `open` refuses the file). The first volume is described. `bytes_expected` is the
     memory that compressing is expected to take.
+
+    `query`, for `.pumice` files, adds `shown`: the bytes in memory of a process that reads and traces only the labels that match (`query_labels`).
     """
-    return dict(json.loads(_native.probe(arguments.path("path", path), job=job, read_as=arguments.reading(reading))))
+    read_as = arguments.reading(reading)
+    return dict(json.loads(_native.probe(arguments.path("path", path), query=query, job=job, read_as=read_as)))
 
 
 @checked

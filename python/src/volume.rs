@@ -346,18 +346,22 @@ pub(crate) fn open(
     Ok((Volume(volume), reading.warnings.list()))
 }
 
-/// A summary of a file, from its header alone, as JSON text.
+/// A summary of a file, from its header alone, as JSON text; with a query, also what a process holds that shows only the labels that match.
 #[pyfunction]
-#[pyo3(signature = (path, *, read_as, job=None))]
+#[pyo3(signature = (path, *, query=None, read_as, job=None))]
 pub(crate) fn probe(
     py: Python<'_>,
     path: PathBuf,
+    query: Option<String>,
     read_as: ReadAs,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<String> {
     let job = job_of(job);
     let reading = reading(read_as)?;
-    let info = released(py, &job, || pumice_session::file_info(&path, &reading, &job))?;
+    let info = released(py, &job, || match &query {
+        None => pumice_session::file_info(&path, &reading, &job),
+        Some(line) => pumice_session::shown_info(&path, &pumice_session::parse_query(line)?, &reading, &job),
+    })?;
     serde_json::to_string(&info).map_err(|e| input(&e))
 }
 

@@ -136,6 +136,12 @@ def test_saved_and_opened_it_is_the_same(volume, labels, tmp_path):
         assert again.content_hash == volume.content_hash
         np.testing.assert_array_equal(again.decode(), labels)
     assert pumice.probe(path)["labels"] == len(volume.labels)
+    # A file of level small is read whole: all boxes are held, and rays need those of one label alone.
+    found = pumice.probe(path, query=str(volume.labels.ids[0]))
+    assert found["shown"]["labels"] == 1 and found["shown"]["boxes"] == found["boxes"]
+    assert found["shown"]["resident_parts"]["bricks"] < found["resident_parts"]["bricks"]
+    with pytest.raises(pumice.InputError, match="no label of the volume matches"):
+        pumice.probe(path, query="voxels>1e12")
     with pytest.raises(pumice.InputError, match="expected fast, default or small"):
         volume.save(path, level="tiny")
 
