@@ -364,7 +364,8 @@ def probe(path: Path, *, query: str | None = None, job: Job | None = None, **rea
     answer that is taken without the keyword; None where `open` refuses the file). The first volume is described. `bytes_expected` is the
     memory that compressing is expected to take.
 
-    `query`, for `.pumice` files, adds `shown`: the bytes in memory of a process that reads and traces only the labels that match (`query_labels`).
+    `query`, for `.pumice` files, adds under "shown" the bytes in memory of a process that reads and traces only the labels that match
+    (`query_labels`).
     """
     read_as = arguments.reading(reading)
     return dict(json.loads(_native.probe(arguments.path("path", path), query=query, job=job, read_as=read_as)))

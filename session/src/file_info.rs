@@ -176,7 +176,7 @@ pub fn file_info(path: &Path, reading: &OpenOptions, job: &Job) -> Result<FileIn
 pub fn shown_info(path: &Path, query: &LabelQuery, reading: &OpenOptions, job: &Job) -> Result<FileInfo> {
     if !is_compressed(path, reading)? {
         return Err(SessionError::Caller(format!(
-            "--query: {} is not a .pumice file; only those can be opened for some labels alone (--labels lists labels of any file)",
+            "query: {} is not a .pumice file, and only those can be opened for some labels alone",
             path.display()
         )));
     }
@@ -187,7 +187,7 @@ pub fn shown_info(path: &Path, query: &LabelQuery, reading: &OpenOptions, job: &
     drop(all);
     let labels = chosen.iter().filter(|&&c| c).count() as u64;
     if labels == 0 {
-        return Err(SessionError::Caller("--query: no label of the volume matches".into()));
+        return Err(SessionError::Caller("query: no label of the volume matches".into()));
     }
     let volume = Arc::new(CompressedVolume::open_labels(path, |_| chosen.clone(), job)?);
     let (resident_parts, bytes_volume) = parts_of(&volume, chosen)?;

@@ -41,6 +41,6 @@ def test_the_text_tells_of_shown_labels(pumice, volume):
 
 def test_what_cannot_be_shown_is_refused(pumice, volume, data):
     line = run(pumice, "info", data / "platynereis_nuclei.tif", "--query", "26").refused()
-    assert "is not a .pumice file" in line and "--labels" in line
+    assert "is not a .pumice file, and only those can be opened" in line
     assert "no label of the volume matches" in run(pumice, "info", volume, "--query", "voxels>1e12").refused()
     assert "expected a column of numbers" in run(pumice, "info", volume, "--query", "size>3").refused()
