@@ -6,6 +6,7 @@
 //! bounces. Each time is the least of several frames after one warm-up frame. CPU seconds are the figure to trust where a processor
 //! emulates a graphics processor while it does other work.
 
+use std::io::Write as _;
 use std::path::Path;
 use std::sync::Arc;
 use std::time::Duration;
@@ -51,17 +52,21 @@ pub(crate) struct Flags {
     /// Labels in the figure, the longest ones; 0 for all
     #[arg(long, value_name = "N", default_value_t = 96)]
     labels: usize,
+    /// Say on standard error which frames are drawn, and how long the first took: where a device hangs, the last line says in what
+    #[arg(long)]
+    watch: bool,
 }
 
 pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
     let mut rows = Vec::new();
     for volume in &flags.table.volumes {
         for backend in usable_unless(&flags.backends) {
-            let named = format!("{}, {backend}: ", file_name(volume));
-            let row = console.watch(&named, |said| {
-                measure_backend(volume, &backend, flags.size, flags.labels, job, said)
-            })?;
-            rows.push(row);
+            let mut said = |line: &str| {
+                if flags.watch {
+                    _ = writeln!(std::io::stderr(), "{}, {backend}: {line}", file_name(volume));
+                }
+            };
+            rows.push(measure_backend(volume, &backend, flags.size, flags.labels, job, &mut said)?);
         }
     }
     for row in &rows {

@@ -73,6 +73,14 @@ def test_a_backend_has_rays_and_frames(measured):
     assert all(float(s.strip("()")) > 0 for s in row["coarsest"].replace("/", "").split())
 
 
+def test_a_watched_backend_says_what_it_draws(pumice, data):
+    said = run(pumice, "bench", "backends", data / SMALL, "--backends", "cpu", "--size", "48x27", "--labels", 8, "--watch")
+    lines = said.err.splitlines()
+    assert said.code == 0 and len(lines) == 16 and all(line.startswith(f"{SMALL}, cpu: ") for line in lines), said
+    assert any(line.endswith(": by distance, 32 bounces") for line in lines)
+    assert any("by distance, 32 bounces: " in line and " s the first frame, then " in line for line in lines)
+
+
 def test_what_is_wrong_is_said_in_a_line(pumice, data, tmp_path):
     for name in FLAT:
         assert run(pumice, "bench", name).code == 2, "a volume must be named"
