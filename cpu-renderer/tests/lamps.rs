@@ -73,6 +73,38 @@ fn together(ball: LightShape, spot: LightShape) -> Lights {
     Lights::new(Sky::Image(Arc::new(sky)), vec![ReadySun::new(&sun)], None).with_lamps(lamps)
 }
 
+/// Hundreds of lamps of every kind, so many that a tree chooses among them, beside a sun.
+fn crowd() -> Lights {
+    let sun = Sun { direction: [0.4, 0.3, -1.0], strength: 0.5, color: [1.0; 3], angle_rad: 0.3 };
+    let lamps = (0..700u32).map(|i| {
+        let at = |a: f64| (a * f64::from(i)).sin();
+        let position = [8.0 + 14.0 * at(1.0), 8.0 + 14.0 * at(2.3), 13.0 + 3.0 * at(3.7)];
+        let direction = [at(5.1), at(4.7), -0.5];
+        let shape = match i % 4 {
+            0 => LightShape::Point { position, radius: 0.8, soft_falloff: false },
+            1 => LightShape::Spot {
+                position,
+                direction,
+                radius: 0.8,
+                angle_rad: 1.5,
+                blend: 0.5,
+                soft_falloff: false,
+            },
+            _ => LightShape::Area {
+                world_from_light: DAffine3::from_rotation_translation(
+                    glam::DQuat::from_rotation_x(3.0 * at(6.1)),
+                    DVec3::from_array(position),
+                ),
+                outline: if i % 4 == 2 { Outline::Rectangle } else { Outline::Ellipse },
+                size: [1.5, 1.0],
+                spread_rad: 2.0,
+            },
+        };
+        ReadyLamp::new(&Light { shape, power_w: 4.0, color: [1.0, 0.8, 0.6], visible_to_camera: false })
+    });
+    Lights::new(Sky::Constant(Vec3::ZERO), vec![ReadySun::new(&sun)], None).with_lamps(lamps.collect())
+}
+
 fn area(outline: Outline, spread_rad: f64) -> LightShape {
     let world_from_light = DAffine3::from_translation(DVec3::new(4.0, 8.0, 14.0));
     LightShape::Area { world_from_light, outline, size: [6.0, 5.0], spread_rad }
@@ -101,6 +133,7 @@ fn three_ways_to_find_light_agree() {
         ("a rectangle", one(area(Outline::Rectangle, std::f64::consts::PI))),
         ("a spread ellipse", one(area(Outline::Ellipse, 1.5))),
         ("sky, sun and lamps", together(ball(false), spot)),
+        ("a crowd of lamps and a sun", crowd()),
     ];
     for (name, lights) in cases {
         let estimate = |finding| {

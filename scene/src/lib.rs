@@ -35,7 +35,7 @@ pub use label_materials::LabelMaterials;
 pub use light::{Environment, Light, LightShape, Outline, Sun, World};
 pub use material::Material;
 pub use mesh::Mesh;
-pub use needs::{INSTANCES_OF_A_TREE, LabelCount, Needs};
+pub use needs::{INSTANCES_OF_A_TREE, LAMPS_OF_A_TREE, LabelCount, Needs};
 pub use part::{Part, PartSet};
 pub use passes::{Pass, Passes};
 pub use reading::{AxisOrder, RawVoxels, Reading};

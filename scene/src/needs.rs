@@ -14,6 +14,9 @@ use crate::{
 /// fast. `bench/results/instances.md` has the cost of both ways.
 pub const INSTANCES_OF_A_TREE: usize = 4;
 
+/// Least number of lamps for which a tree over them is built. Below it, weighing each lamp costs as little, and chooses better.
+pub const LAMPS_OF_A_TREE: usize = 256;
+
 /// How many labels of one instance are drawn.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub struct LabelCount {
@@ -211,6 +214,7 @@ impl Needs {
             .with_if(Part::SmoothNormals, !self.smooth_meshes && !self.smooth_voxels)
             .with_if(Part::InstanceTree, !self.instance_tree)
             .with_if(Part::Catchers, self.catchers == 0)
+            .with_if(Part::LampTree, self.lamps < LAMPS_OF_A_TREE)
     }
 
     /// The needs as text: one line for each thing that is needed (`needed: …`) or left out, with the reason (`left out: … (…)`).
@@ -255,6 +259,8 @@ impl Needs {
             1 => "1 lamp",
             _ => lamps.as_str(),
         };
+        let with_tree = format!("{lamps} with a tree that chooses among them");
+        let lamps = if self.lamps < LAMPS_OF_A_TREE { lamps } else { with_tree.as_str() };
         line(self.lamps > 0, lamps, "no lamp gives light");
         line(self.emission, "sampling of emissive surfaces", "no visible label or mesh emits light");
         line(

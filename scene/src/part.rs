@@ -47,11 +47,13 @@ pub enum Part {
     InstanceTree,
     /// Shadow catchers.
     Catchers,
+    /// A tree over lamps.
+    LampTree,
 }
 
 impl Part {
     /// All parts, in the order of their numbers.
-    pub const ALL: [Self; 19] = [
+    pub const ALL: [Self; 20] = [
         Self::HiddenLabels,
         Self::Levels,
         Self::Microfacets,
@@ -71,6 +73,7 @@ impl Part {
         Self::SmoothNormals,
         Self::InstanceTree,
         Self::Catchers,
+        Self::LampTree,
     ];
 
     /// The name of the part in texts for users and in the results of `pumice bench needs`.
@@ -95,6 +98,7 @@ impl Part {
             Self::SmoothNormals => "smooth normals",
             Self::InstanceTree => "a hierarchy over instances",
             Self::Catchers => "shadow catchers",
+            Self::LampTree => "a tree over lamps",
         }
     }
 }

@@ -6,8 +6,8 @@ mod common;
 
 use common::full_scene;
 use pumice_scene::{
-    Cut, Environment, LabelCount, LabelGroup, LabelGroups, LabelMaterials, LabelStyle, Lod, Material, Mesh,
-    Mode, Needs, Part, PartSet, Pass, Passes, Scene, Show,
+    Cut, Environment, LAMPS_OF_A_TREE, LabelCount, LabelGroup, LabelGroups, LabelMaterials, LabelStyle, Lod,
+    Material, Mesh, Mode, Needs, Part, PartSet, Pass, Passes, Scene, Show,
 };
 
 const IDS: [u64; 4] = [3, 5, 17, u64::MAX];
@@ -275,6 +275,14 @@ fn what_is_not_needed_is_spare() {
     let full = full_scene();
     assert_eq!(after(|s| s.suns = full.suns).unneeded(), without(&[Part::LightSampling]));
     assert_eq!(after(|s| s.lights = full.lights).unneeded(), without(&[Part::LightSampling, Part::Lamps]));
+    let crowd = |count| after(|s| s.lights = vec![full_scene().lights[0]; count]);
+    assert_eq!(
+        crowd(LAMPS_OF_A_TREE).unneeded(),
+        without(&[Part::LightSampling, Part::Lamps, Part::LampTree])
+    );
+    assert_eq!(crowd(LAMPS_OF_A_TREE - 1).unneeded(), without(&[Part::LightSampling, Part::Lamps]));
+    let explained = |count| crowd(count).explain().iter().any(|line| line.contains("lamps with a tree"));
+    assert!(explained(LAMPS_OF_A_TREE) && !explained(LAMPS_OF_A_TREE - 1));
     assert!(!after(|s| s.meshes = full.meshes[..1].to_vec()).unneeded().has(Part::Meshes));
     assert!(!Needs { smooth_meshes: true, ..least() }.unneeded().has(Part::SmoothNormals));
     assert_eq!(after(|s| s.film.transparent = true).unneeded(), without(&[Part::Sorting]));

@@ -6,7 +6,7 @@
 //! renderer     the interface of a renderer to its caller          trace       the interface of geometry to an integrator
 //! camera_rays  rays through pixels (lens, filter, sampler)        bsdf        how surfaces scatter (material_table, palette,
 //!                                                                             farthest_colors: materials and colours of labels)
-//! lights       choice of a light to sample (sun, lamp, environment, emitters)
+//! lights       choice of a light to sample (sun, lamp, environment, emitters; light_tree: one of many)
 //! geometry     placement, bvh, bricks, cuts, levels of detail, instance tree
 //! ```
 //! The integrators and the kernels that trace rays are in `pumice-cpu` and `pumice-vulkan`.
@@ -21,6 +21,7 @@ pub mod filter;
 pub mod geometry;
 pub mod lamp;
 pub mod lens;
+pub mod light_tree;
 pub mod lights;
 pub mod loaded_scene;
 pub mod material_table;

@@ -9,6 +9,9 @@
 //! has none. Nine tenths of the probability are proportional to the weights ([`LightOdds`]). With weights that ignored distance, a lamp far
 //! away took most samples from the sky, for 5 times the variance.
 //!
+//! Few lamps are weighed one after another, tens of them eight at a time, and hundreds are one light whose lamps a tree chooses among
+//! ([`Crowd`]).
+//!
 //! A lamp is not a surface: rays pass through it, and a ray that is scattered towards it finds it if it is nearer than the next hit.
 
 use std::sync::Arc;
@@ -17,7 +20,8 @@ use crate::{EnvironmentTable, Hit, ReadyLamp, ReadySun, Receiver, Tracer};
 use glam::{DVec3, Vec3};
 
 use crate::emitters::Emitters;
-use crate::lamp::ManyLamps;
+use crate::lamp::{LampTree, ManyLamps};
+use crate::light_tree::LightTree;
 
 /// Light from infinity.
 #[derive(Clone, Debug)]
@@ -68,8 +72,7 @@ pub struct Lights {
     sky: Sky,
     suns: Vec<ReadySun>,
     lamps: Vec<ReadyLamp>,
-    /// What decides about many lamps at once; `None` where there are few.
-    many: Option<Arc<ManyLamps>>,
+    crowd: Crowd,
     /// Whether camera rays see any lamp.
     shows_lamps: bool,
     backdrop: Option<[Vec3; 2]>,
@@ -81,12 +84,24 @@ pub struct Lights {
     strategy: LightStrategy,
 }
 
-/// One light; all emissive surfaces together are one.
+/// How lamps are weighed and found.
+#[derive(Clone, Debug)]
+enum Crowd {
+    /// One after another.
+    Few,
+    /// Several at once.
+    Many(Arc<ManyLamps>),
+    /// By a tree, as one light.
+    Tree(Arc<LampTree>),
+}
+
+/// One light; all emissive surfaces together are one, as are the lamps of a tree.
 #[derive(Clone, Copy, Debug)]
 enum Light {
     Sky,
     Sun(usize),
     Lamp(usize),
+    AllLamps,
     Emitters,
 }
 
@@ -130,7 +145,7 @@ impl Lights {
             sky,
             suns,
             lamps: Vec::new(),
-            many: None,
+            crowd: Crowd::Few,
             shows_lamps: false,
             backdrop,
             sky_irradiance,
@@ -143,10 +158,13 @@ impl Lights {
 
     /// The same lights with these lamps.
     #[must_use]
-    pub fn with_lamps(self, lamps: Vec<ReadyLamp>) -> Self {
-        let many = ManyLamps::new(&lamps).map(Arc::new);
+    pub fn with_lamps(self, mut lamps: Vec<ReadyLamp>) -> Self {
+        let crowd = match LampTree::new(&mut lamps) {
+            Some(tree) => Crowd::Tree(Arc::new(tree)),
+            None => ManyLamps::new(&lamps).map_or(Crowd::Few, |many| Crowd::Many(Arc::new(many))),
+        };
         let shows_lamps = lamps.iter().any(|lamp| lamp.visible_to_camera);
-        let lights = Self { lamps, many, shows_lamps, ..self };
+        let lights = Self { lamps, crowd, shows_lamps, ..self };
         Self { is_sampled: lights.has_sampled_light(), ..lights }
     }
 
@@ -174,9 +192,17 @@ impl Lights {
         &self.suns
     }
 
-    /// The lamps.
+    /// The lamps; in the order of their tree where they have one.
     pub fn lamps(&self) -> &[ReadyLamp] {
         &self.lamps
+    }
+
+    /// The tree that chooses among lamps, and the irradiance in the world for an importance of 1; `None` where there are few lamps.
+    pub fn lamp_tree(&self) -> Option<(&LightTree, f32)> {
+        match &self.crowd {
+            Crowd::Tree(tree) => Some((tree.tree(), tree.irradiance())),
+            Crowd::Few | Crowd::Many(_) => None,
+        }
     }
 
     /// Colours at the bottom and the top of a backdrop that the camera sees instead of the sky.
@@ -218,25 +244,38 @@ impl Lights {
             Light::Sky => self.sky_irradiance,
             Light::Sun(i) => self.suns[i].irradiance_at(from),
             Light::Lamp(i) => self.lamps[i].irradiance_at(from),
+            Light::AllLamps => match &self.crowd {
+                Crowd::Tree(tree) => tree.irradiance_at(from),
+                Crowd::Few | Crowd::Many(_) => 0.0,
+            },
             Light::Emitters => self.emitters.as_ref().map_or(0.0, |e| e.irradiance_at(from)),
         };
         weight.min(MOST_IRRADIANCE)
     }
 
+    /// Number of lights that the lamps are.
+    #[inline]
+    fn lamp_lights(&self) -> usize {
+        if matches!(self.crowd, Crowd::Tree(_)) { 1 } else { self.lamps.len() }
+    }
+
     /// Number of all lights.
     #[inline]
     fn count(&self) -> usize {
-        self.suns.len() + self.lamps.len() + 2
+        self.suns.len() + self.lamp_lights() + 2
     }
 
     /// The light at this place of the order in which lights are chosen.
     #[inline]
     fn light_at(&self, place: usize) -> Light {
-        let (suns, lamps) = (self.suns.len(), self.lamps.len());
+        let (suns, lamps) = (self.suns.len(), self.lamp_lights());
         match place {
             0 => Light::Sky,
             _ if place <= suns => Light::Sun(place - 1),
-            _ if place <= suns + lamps => Light::Lamp(place - 1 - suns),
+            _ if place <= suns + lamps => match &self.crowd {
+                Crowd::Tree(_) => Light::AllLamps,
+                Crowd::Few | Crowd::Many(_) => Light::Lamp(place - 1 - suns),
+            },
             _ => Light::Emitters,
         }
     }
@@ -248,7 +287,8 @@ impl Lights {
             Light::Sky => 0,
             Light::Sun(i) => 1 + i,
             Light::Lamp(i) => 1 + self.suns.len() + i,
-            Light::Emitters => 1 + self.suns.len() + self.lamps.len(),
+            Light::AllLamps => 1 + self.suns.len(),
+            Light::Emitters => 1 + self.suns.len() + self.lamp_lights(),
         }
     }
 
@@ -256,7 +296,7 @@ impl Lights {
     #[inline(always)]
     fn each_weight(&self, from: &Receiver, mut visit: impl FnMut(usize, f32) -> bool) {
         let mut weigh = |place: usize| visit(place, self.weight(self.light_at(place), from));
-        let Some(many) = &self.many else {
+        let Crowd::Many(many) = &self.crowd else {
             for place in 0..self.count() {
                 if !weigh(place) {
                     return;
@@ -335,7 +375,13 @@ impl Lights {
         u: [f32; 2],
         further: impl FnOnce() -> [f32; 3],
     ) -> Option<LightSample> {
-        let (light, chance, within) = self.choose(from, odds, choice)?;
+        let (mut light, mut chance, within) = self.choose(from, odds, choice)?;
+        let mut further = Some(further);
+        let mut further = || further.take().map_or([0.0; 3], |numbers| numbers());
+        if let (Light::AllLamps, Crowd::Tree(tree)) = (light, &self.crowd) {
+            let (lamp, part) = tree.choose(from, [within, further()[0]])?;
+            (light, chance) = (Light::Lamp(lamp), chance * part);
+        }
         let mut distance = f64::INFINITY;
         let mut instance = None;
         let (direction, radiance, pdf) = match light {
@@ -350,6 +396,7 @@ impl Lights {
                 distance = f64::from(s.distance) * TOUCHING;
                 (s.direction.as_dvec3(), s.radiance, (s.pdf > 0.0).then_some(s.pdf))
             }
+            Light::AllLamps => return None,
             Light::Emitters => {
                 let [a, b, _] = further();
                 let s = self.emitters.as_ref()?.sample(from, within, [a, b], u)?;
@@ -445,14 +492,16 @@ impl Lights {
             if let Some(met) = lamp.meet(from, direction)
                 && f64::from(met.distance) * TOUCHING < limit
             {
-                let chance = self.probability(Light::Lamp(i), from, odds);
+                let chance = match &self.crowd {
+                    Crowd::Tree(tree) => {
+                        self.probability(Light::AllLamps, from, odds) * tree.probability(from, i)
+                    }
+                    Crowd::Few | Crowd::Many(_) => self.probability(Light::Lamp(i), from, odds),
+                };
                 light += met.radiance * self.bsdf_mis_weight(pdf, met.pdf * chance);
             }
         };
-        match &self.many {
-            Some(many) => many.near(from.point, direction, |i| meet(i, &self.lamps[i])),
-            None => self.lamps.iter().enumerate().for_each(|(i, lamp)| meet(i, lamp)),
-        }
+        self.each_near(from.point, direction, |i| meet(i, &self.lamps[i]));
         light
     }
 
@@ -464,8 +513,25 @@ impl Lights {
         }
         let from = Receiver { point: from, normal: Vec3::Z, both_sides: true };
         let direction = direction.as_vec3();
-        let seen = self.lamps.iter().filter(|l| l.visible_to_camera).filter_map(|l| l.meet(&from, direction));
-        seen.filter(|met| f64::from(met.distance) * TOUCHING < limit).map(|met| met.radiance).sum()
+        let mut light = Vec3::ZERO;
+        self.each_near(from.point, direction, |i| {
+            let lamp = &self.lamps[i];
+            let met = if lamp.visible_to_camera { lamp.meet(&from, direction) } else { None };
+            light += met
+                .filter(|met| f64::from(met.distance) * TOUCHING < limit)
+                .map_or(Vec3::ZERO, |m| m.radiance);
+        });
+        light
+    }
+
+    /// Calls `visit` with the numbers of the lamps that a ray (unit direction) from a point may meet, in order.
+    #[inline]
+    fn each_near(&self, from: DVec3, direction: Vec3, visit: impl FnMut(usize)) {
+        match &self.crowd {
+            Crowd::Few => (0..self.lamps.len()).for_each(visit),
+            Crowd::Many(many) => many.near(from, direction, visit),
+            Crowd::Tree(tree) => tree.near(from, direction, visit),
+        }
     }
 
     /// Radiance of a camera ray that hits nothing; `down` is 0 at the top of the picture and 1 at the bottom. The camera does not see suns.

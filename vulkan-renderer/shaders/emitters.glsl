@@ -160,7 +160,7 @@ EmitterSample emitters_sample(SceneRef scene, Receiver from, float choice, vec2 
     EmitterSample result;
     result.found = false;
     float probability;
-    uint number = tree_choose(emitters, seen_from(emitters, from), vec2(choice, further.x), probability);
+    uint number = tree_choose(emitters.tree, seen_from(emitters.tree, from), vec2(choice, further.x), probability);
     if (probability <= 0.0) {
         return result;
     }
@@ -247,7 +247,7 @@ bool face_is_listed(Emitters emitters, uvec2 list, uint code) {
 
 // About the irradiance of a receiver, for choosing among lights; `around` is that of the ball around them.
 float emitters_irradiance_at(Emitters emitters, float around, Receiver from) {
-    DVec3 way = dvec3_sub(from.point, dvec3_from_bits(emitters.middle));
+    DVec3 way = dvec3_sub(from.point, dvec3_from_bits(emitters.tree.middle));
     vec3 radii = dvec3_to_vec3(dvec3_scale(way, f64_div(F64_ONE, f64_from_bits(emitters.radius))));
     return max(around / max(dot(radii, radii), 1.0), LEAST_IRRADIANCE);
 }
@@ -296,7 +296,7 @@ float emitters_pdf(SceneRef scene, Receiver from, Surface surface, f64 distance_
         }
         share = seen[direction] / sum / float(list.y - list.x);
     }
-    float probability = tree_probability(emitters, seen_from(emitters, from), number);
+    float probability = tree_probability(emitters.tree, seen_from(emitters.tree, from), number);
     float units = f64_to_f32(f64_mul(distance_to, f64_from_bits(emissive.units_per_world)));
     return density(probability * share, units, abs(f64_to_f32(across)));
 }

@@ -67,9 +67,19 @@ struct Settings {
     float clamp_indirect;
 };
 
+struct LightTree {
+    Address nodes;
+    Address cones;
+    F64Bits middle[3];
+    F64Bits scale;
+    uint count;
+    uint reserved;
+};
+
 struct Lights {
     Address suns;
     Address lamps;
+    LightTree lamp_tree;
     uint sun_count;
     uint lamp_count;
     uint strategy;
@@ -79,6 +89,8 @@ struct Lights {
     float sky_irradiance;
     float emitters_irradiance;
     uint is_sampled;
+    float lamp_tree_irradiance;
+    uint reserved;
 };
 
 struct Sun {
@@ -126,6 +138,12 @@ struct LightNode {
     float power;
 };
 
+struct Cone {
+    float axis[3];
+    float cos_spread;
+    float cos_reach;
+};
+
 struct Emitter {
     uint emissive_instance;
     uint label;
@@ -151,18 +169,16 @@ struct EmissiveTriangle {
 };
 
 struct Emitters {
-    Address nodes;
+    LightTree tree;
     Address emitters;
     Address faces;
     Address triangles;
     Address by_key;
     Address emissive_instances;
     Address emissive_instance_of;
-    F64Bits middle[3];
-    F64Bits scale;
     F64Bits radius;
-    uint count;
     uint emissive_instance_of_count;
+    uint reserved;
 };
 
 struct InstanceTree {
@@ -362,6 +378,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Cut
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Suns { Sun at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Lamps { Lamp at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer LightNodes { LightNode at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Cones { Cone at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer EmitterRecords { Emitter at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer EmissiveInstances { EmissiveInstance at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer EmissiveTriangles { EmissiveTriangle at[]; };

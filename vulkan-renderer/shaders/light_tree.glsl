@@ -1,10 +1,11 @@
-// A binary tree over emitters: twin of transport/src/emitters/light_tree.rs, which draws it.
+// A binary tree over emitters: twin of transport/src/light_tree, which draws it.
 #ifndef LIGHT_TREE_GLSL
 #define LIGHT_TREE_GLSL
 
 #include "layout.glsl"
 #include "dvec3.glsl"
 #include "lamp_ball.glsl"
+#include "needs.glsl"
 
 const uint LEVELS_A_NUMBER = 12u;
 const float FARTHEST_RECEIVER = 1e4;
@@ -23,24 +24,56 @@ uint left_of(uint count) {
     return (count + 1u) / 2u;
 }
 
+// Part of a cosine by which rounding may make an emitter look turned away.
+const float CONE_SLACK = 1e-3;
+
+// The sine of an angle from 0 to π, from its cosine.
+float sine_of(float cosine) {
+    return sqrt(max(1.0 - cosine * cosine, 0.0));
+}
+
+// Cosine and sine of one angle less another, or of 0 where the other is larger; both from 0 to π.
+vec2 angle_less(vec2 a, vec2 b) {
+    return a.x >= b.x ? vec2(1.0, 0.0) : vec2(a.x * b.x + a.y * b.y, a.y * b.x - a.x * b.y);
+}
+
+// Bound of the cosine between an emitter's axis and the way from it to a receiver; 0 where none of the emitters can shine there. `way` goes
+// from the receiver to the middle of a ball around all emitters with this squared radius.
+float cone_towards(Cone cone, vec3 way, float squared_radius) {
+    float squared = dot(way, way);
+    if (cone.cos_spread <= -1.0 || squared <= squared_radius) {
+        return 1.0;
+    }
+    float cosine = clamp(-dot(way, vec3_of(cone.axis)) / sqrt(squared), -1.0, 1.0);
+    vec2 from_middle = angle_less(vec2(cosine, sine_of(cosine)), vec2(cone.cos_spread, sine_of(cone.cos_spread)));
+    float subtended = squared_radius / squared;
+    cosine = angle_less(from_middle, vec2(sqrt(1.0 - subtended), sqrt(subtended))).x;
+    return cosine <= cone.cos_reach - CONE_SLACK ? 0.0 : max(cosine, CONE_SLACK);
+}
+
 // Importance of the emitters below a node for a receiver.
-float importance(LightNode node, SeenFrom from) {
+float importance(LightTree tree, uint number, SeenFrom from) {
+    LightNode node = LightNodes(tree.nodes).at[number];
     vec3 lo = vec3_of(node.lo), hi = vec3_of(node.hi);
     vec3 half_extent = (hi - lo) * 0.5;
     vec3 way = (lo + hi) * 0.5 - from.point;
     float squared = max(max(dot(way, way), dot(half_extent, half_extent)), LEAST_SQUARED);
+    float power = node.power;
+    if (NEEDS_LAMP_TREE != 0u && tree.cones != 0u) {
+        power *= cone_towards(Cones(tree.cones).at[number], way, dot(half_extent, half_extent));
+    }
     if (from.both_sides) {
-        return node.power / squared;
+        return power / squared;
     }
     // For the corner that is highest above the receiver.
     float height = dot(way, from.normal) + dot(half_extent, abs(from.normal));
-    return height <= 0.0 ? 0.0 : node.power * min(height / sqrt(squared), 1.0) / squared;
+    return height <= 0.0 ? 0.0 : power * min(height / sqrt(squared), 1.0) / squared;
 }
 
 // Transforms a receiver to the tree's coordinates.
-SeenFrom seen_from(Emitters emitters, Receiver from) {
-    DVec3 way = dvec3_sub(from.point, dvec3_from_bits(emitters.middle));
-    vec3 point = dvec3_to_vec3(dvec3_scale(way, f64_from_bits(emitters.scale)));
+SeenFrom seen_from(LightTree tree, Receiver from) {
+    DVec3 way = dvec3_sub(from.point, dvec3_from_bits(tree.middle));
+    vec3 point = dvec3_to_vec3(dvec3_scale(way, f64_from_bits(tree.scale)));
     point = clamp(point, vec3(-1e30), vec3(1e30));
     float away = max(max(abs(point.x), abs(point.y)), abs(point.z));
     if (away > FARTHEST_RECEIVER) {
@@ -50,17 +83,16 @@ SeenFrom seen_from(Emitters emitters, Receiver from) {
 }
 
 // Probability of the left half of a node; below 0 where neither half matters.
-float probability_left(LightNodes nodes, uint node, uint left, SeenFrom from) {
-    float a = importance(nodes.at[node + 1u], from);
-    float b = importance(nodes.at[node + 2u * left], from);
+float probability_left(LightTree tree, uint node, uint left, SeenFrom from) {
+    float a = importance(tree, node + 1u, from);
+    float b = importance(tree, node + 2u * left, from);
     float both = a + b;
     return both > 0.0 ? a / both : -1.0;
 }
 
 // Chooses an emitter, with its probability; probability 0 where none matters.
-uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float probability) {
-    LightNodes nodes = LightNodes(emitters.nodes);
-    uint node = 0u, first = 0u, count = emitters.count, level = 0u;
+uint tree_choose(LightTree tree, SeenFrom from, vec2 numbers, out float probability) {
+    uint node = 0u, first = 0u, count = tree.count, level = 0u;
     float u = numbers.x;
     probability = 1.0;
     while (count > 1u) {
@@ -69,7 +101,7 @@ uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float proba
         }
         level += 1u;
         uint left = left_of(count);
-        float part = probability_left(nodes, node, left, from);
+        float part = probability_left(tree, node, left, from);
         if (part < 0.0) {
             probability = 0.0;
             return 0u;
@@ -92,13 +124,12 @@ uint tree_choose(Emitters emitters, SeenFrom from, vec2 numbers, out float proba
 }
 
 // The probability with which tree_choose returns this emitter.
-float tree_probability(Emitters emitters, SeenFrom from, uint emitter) {
-    LightNodes nodes = LightNodes(emitters.nodes);
-    uint node = 0u, first = 0u, count = emitters.count;
+float tree_probability(LightTree tree, SeenFrom from, uint emitter) {
+    uint node = 0u, first = 0u, count = tree.count;
     float probability = 1.0;
     while (count > 1u) {
         uint left = left_of(count);
-        float part = probability_left(nodes, node, left, from);
+        float part = probability_left(tree, node, left, from);
         if (part < 0.0) {
             return 0.0;
         }

@@ -4,6 +4,7 @@
 
 #include "environment.glsl"
 #include "lamp.glsl"
+#include "lamp_tree.glsl"
 #include "emitters.glsl"
 #include "needs.glsl"
 
@@ -38,9 +39,25 @@ bool samples_lights(Lights lights) {
     return lights.is_sampled != 0u && lights.strategy != STRATEGY_BSDF_ONLY;
 }
 
+// Whether a tree chooses among the lamps, which are then one light.
+bool has_lamp_tree(Lights lights) {
+    return NEEDS_LAMP_TREE != 0u && lights.lamp_tree.count > 0u;
+}
+
+// Number of lights that the lamps are.
+uint lamp_lights(Lights lights) {
+    return has_lamp_tree(lights) ? 1u : lights.lamp_count;
+}
+
 // The sky is light 0, then come suns, lamps, and all emissive surfaces together.
 uint light_count(Lights lights) {
-    return lights.sun_count + lights.lamp_count + 2u;
+    return lights.sun_count + lamp_lights(lights) + 2u;
+}
+
+// About the irradiance that all lamps of the tree give to a receiver; 0 only where they give none.
+float lamp_tree_irradiance_at(Lights lights, Receiver from) {
+    float all = importance(lights.lamp_tree, 0u, seen_from(lights.lamp_tree, from));
+    return all > 0.0 ? max(all * lights.lamp_tree_irradiance, LEAST_IRRADIANCE) : 0.0;
 }
 
 // About the irradiance that a light can give to a receiver; 0 only where it gives none.
@@ -50,7 +67,9 @@ float light_weight(SceneRef scene, Lights lights, uint light, Receiver from) {
         weight = lights.sky_irradiance;
     } else if (light <= lights.sun_count) {
         weight = sun_irradiance_at(Suns(lights.suns).at[light - 1u], from);
-    } else if (light <= lights.sun_count + lights.lamp_count) {
+    } else if (has_lamp_tree(lights) && light == lights.sun_count + 1u) {
+        weight = lamp_tree_irradiance_at(lights, from);
+    } else if (light <= lights.sun_count + lamp_lights(lights)) {
         weight = lamp_irradiance_at(Lamps(lights.lamps).at[light - 1u - lights.sun_count], from);
     } else {
         weight = NEEDS_EMITTERS == 0u || lights.emitters_irradiance == 0.0
@@ -101,8 +120,14 @@ uint choose_light(SceneRef scene, Lights lights, Receiver from, LightOdds odds, 
     return chosen;
 }
 
-// Samples a direction towards a light that was chosen with this probability (see choose_light); the numbers `further` are for emissive
-// surfaces.
+// Whether a chosen light is many, of which sample_light chooses one by further numbers.
+bool needs_further(Lights lights, uint light) {
+    bool is_emitters = NEEDS_EMITTERS != 0u && light + 1u == light_count(lights);
+    return is_emitters || (has_lamp_tree(lights) && light == lights.sun_count + 1u);
+}
+
+// Samples a direction towards a light that was chosen with this probability (see choose_light); the numbers `further` are for lights that
+// are many (see needs_further).
 LightSample sample_light(
     SceneRef scene, Lights lights, Environment sky, Receiver from, uint light, float chance, float within, vec2 u, vec2 further) {
     LightSample result;
@@ -123,8 +148,17 @@ LightSample sample_light(
         }
     } else if (light <= lights.sun_count) {
         s = sun_sample(Suns(lights.suns).at[light - 1u], u);
-    } else if (NEEDS_LAMPS != 0u && light <= lights.sun_count + lights.lamp_count) {
-        LampSample l = lamp_sample(Lamps(lights.lamps).at[light - 1u - lights.sun_count], from, u);
+    } else if (NEEDS_LAMPS != 0u && light <= lights.sun_count + lamp_lights(lights)) {
+        uint number = light - 1u - lights.sun_count;
+        if (has_lamp_tree(lights)) {
+            float part;
+            number = tree_choose(lights.lamp_tree, seen_from(lights.lamp_tree, from), vec2(within, further.x), part);
+            if (part <= 0.0) {
+                return result;
+            }
+            chance *= part;
+        }
+        LampSample l = lamp_sample(Lamps(lights.lamps).at[number], from, u);
         if (!l.found) {
             return result;
         }
@@ -192,24 +226,45 @@ vec3 infinite_emission(SceneRef scene, Lights lights, Environment sky, Receiver 
     return light;
 }
 
+// Light of a lamp that a ray in a direction passes through before it has gone `limit`, as lamp_emission.
+vec3 lamp_emission_of(
+    SceneRef scene, Lights lights, uint number, Receiver from, LightOdds odds, vec3 d, f64 limit, float pdf, bool of_camera) {
+    Lamp lamp = Lamps(lights.lamps).at[number];
+    if (of_camera && lamp.visible_to_camera == 0u) {
+        return vec3(0.0);
+    }
+    LampSample met = lamp_meet(lamp, from, d);
+    if (!met.found || !f64_lt(f64_mul(f64_from_f32(met.distance_to), f64_from_f32(TOUCHING)), limit)) {
+        return vec3(0.0);
+    }
+    if (of_camera) {
+        return met.radiance;
+    }
+    float probability;
+    if (has_lamp_tree(lights)) {
+        probability = light_probability(scene, lights, 1u + lights.sun_count, from, odds) *
+            tree_probability(lights.lamp_tree, seen_from(lights.lamp_tree, from), number);
+    } else {
+        probability = light_probability(scene, lights, 1u + lights.sun_count + number, from, odds);
+    }
+    return met.radiance * bsdf_mis_weight(lights, pdf, met.pdf * probability);
+}
+
 // Light of all lamps that a ray (unit direction) passes through before it has gone `limit`: a ray that was scattered at `from` with density
 // `pdf`, or a camera ray, which has no density.
 vec3 lamp_emission(SceneRef scene, Lights lights, Receiver from, LightOdds odds, DVec3 direction, f64 limit, float pdf, bool of_camera) {
     vec3 d = dvec3_to_vec3(direction);
     vec3 light = vec3(0.0);
+    if (has_lamp_tree(lights)) {
+        LampSearch search = begin_lamp_search(lights.lamp_tree, from.point);
+        uint lamp;
+        while ((lamp = next_lamp(lights.lamp_tree, search, d)) != NONE) {
+            light += lamp_emission_of(scene, lights, lamp, from, odds, d, limit, pdf, of_camera);
+        }
+        return light;
+    }
     for (uint i = 0u; i < lights.lamp_count; i++) {
-        Lamp lamp = Lamps(lights.lamps).at[i];
-        if (of_camera && lamp.visible_to_camera == 0u) {
-            continue;
-        }
-        LampSample met = lamp_meet(lamp, from, d);
-        if (met.found && f64_lt(f64_mul(f64_from_f32(met.distance_to), f64_from_f32(TOUCHING)), limit)) {
-            if (!of_camera) {
-                float probability = light_probability(scene, lights, 1u + lights.sun_count + i, from, odds);
-                met.radiance *= bsdf_mis_weight(lights, pdf, met.pdf * probability);
-            }
-            light += met.radiance;
-        }
+        light += lamp_emission_of(scene, lights, i, from, odds, d, limit, pdf, of_camera);
     }
     return light;
 }

@@ -41,5 +41,7 @@ layout(constant_id = 17) const uint NEEDS_INSTANCE_TREE = 1u;
 layout(constant_id = 18) const uint NEEDS_BRICKS = 1u;
 // Some volume is drawn by boxes.
 layout(constant_id = 19) const uint NEEDS_BOXES = 1u;
+// There are so many lamps that a tree chooses among them.
+layout(constant_id = 20) const uint NEEDS_LAMP_TREE = 1u;
 
 #endif

@@ -241,7 +241,7 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             float chance, within;
             uint chosen = choose_light(scene, lights, receiver, odds, towards.z, chance, within);
             vec2 further = vec2(0.0);
-            if (NEEDS_EMITTERS != 0u && chosen + 1u == light_count(lights)) {
+            if (needs_further(lights, chosen)) {
                 further = sampler_bounce(points, number, SET_EMITTER).xy;
             }
             LightSample light = sample_light(scene, lights, sky, receiver, chosen, chance, within, towards.xy, further);

@@ -149,9 +149,9 @@ void probe_emitters(uint row) {
     f64 far = take_f64();
     uint emitter = take();
     float probability;
-    put(tree_choose(emitters, seen_from(emitters, from), vec2(choice, further.x), probability));
+    put(tree_choose(emitters.tree, seen_from(emitters.tree, from), vec2(choice, further.x), probability));
     put_float(probability);
-    put_float(tree_probability(emitters, seen_from(emitters, from), emitter));
+    put_float(tree_probability(emitters.tree, seen_from(emitters.tree, from), emitter));
     EmitterSample s = emitters_sample(scene, from, choice, further, u);
     put(s.found ? 1u : 0u);
     put_dvec3(s.direction);

@@ -109,6 +109,24 @@ pub struct Settings {
     pub clamp_indirect: f32,
 }
 
+/// Twin of `pumice_transport::light_tree::LightTree`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct LightTree {
+    /// [`LightNode`]s.
+    pub nodes: Address,
+    /// [`Cone`]s of the nodes; 0 where all emitters shine to all sides.
+    pub cones: Address,
+    /// Middle of all emitters in the world; coordinates in the tree count from it.
+    pub middle: [f64; 3],
+    /// Factor from world units to units of the tree.
+    pub scale: f64,
+    /// Number of emitters; 0 where there is no tree.
+    pub count: u32,
+    /// 0.
+    pub reserved: u32,
+}
+
 /// Twin of `Lights`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
@@ -117,6 +135,8 @@ pub struct Lights {
     pub suns: Address,
     /// [`Lamp`]s.
     pub lamps: Address,
+    /// Tree over the lamps; of 0 emitters where there are few lamps.
+    pub lamp_tree: LightTree,
     /// Number of suns.
     pub sun_count: u32,
     /// Number of lamps.
@@ -135,6 +155,10 @@ pub struct Lights {
     pub emitters_irradiance: f32,
     /// 1 where some light is sampled.
     pub is_sampled: u32,
+    /// Irradiance in the world for an importance of 1 in the tree over lamps.
+    pub lamp_tree_irradiance: f32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// Twin of `ReadyLamp`.
@@ -198,7 +222,7 @@ pub struct Environment {
     pub floor: f32,
 }
 
-/// Twin of `pumice_transport::emitters::LightNode`.
+/// Twin of `pumice_transport::light_tree::LightNode`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 #[allow(missing_docs, reason = "as there")]
@@ -206,6 +230,16 @@ pub struct LightNode {
     pub lo: [f32; 3],
     pub hi: [f32; 3],
     pub power: f32,
+}
+
+/// Twin of `pumice_transport::light_tree::Cone`.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as there")]
+pub struct Cone {
+    pub axis: [f32; 3],
+    pub cos_spread: f32,
+    pub cos_reach: f32,
 }
 
 /// Twin of `pumice_transport::emitters::Emitter`.
@@ -250,8 +284,8 @@ pub struct EmissiveTriangle {
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
 #[repr(C)]
 pub struct Emitters {
-    /// [`LightNode`]s of the light tree.
-    pub nodes: Address,
+    /// Tree over all emitters.
+    pub tree: LightTree,
     /// [`Emitter`]s, in the tree's order.
     pub emitters: Address,
     /// Face codes of boxes, 16 bits each.
@@ -264,16 +298,12 @@ pub struct Emitters {
     pub emissive_instances: Address,
     /// Index into `emissive_instances` by instance.
     pub emissive_instance_of: Address,
-    /// Centre of all emitters in the world; coordinates in the tree count from it.
-    pub middle: [f64; 3],
-    /// Factor from world units to units of the tree.
-    pub scale: f64,
     /// Radius of the ball around all emitters, in the world.
     pub radius: f64,
-    /// Number of emitters.
-    pub count: u32,
     /// Entries of `emissive_instance_of`.
     pub emissive_instance_of_count: u32,
+    /// 0.
+    pub reserved: u32,
 }
 
 /// Twin of `pumice_transport::geometry::InstanceTree`.

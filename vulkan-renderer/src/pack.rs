@@ -8,6 +8,7 @@
 //! MeshData         ──► PackedMesh       vertices and triangles                                      changes with the mesh
 //! MaterialTable    ──► PackedMaterials  materials, and the material of each label                   changes with colours
 //! Emitters         ──► PackedEmitters   emissive surfaces and their light tree                      changes with emission and placements
+//! Lights           ──► lamp_tree        the tree over many lamps                                    changes with lamps
 //! Lights, Camera…  ──► records          plain structures of `layout`                                changes with each of them
 //! ```
 //! Nothing is decompressed: a box is the 8 bytes of its record and its label, and nodes are copied unchanged. Only what is drawn is packed.
@@ -18,6 +19,7 @@ mod boxes;
 mod bricks;
 mod cuts;
 mod emitters;
+mod light_tree;
 mod material_table;
 mod meshes;
 mod needs;
@@ -28,6 +30,7 @@ pub use boxes::{PackedBoxes, place};
 pub use bricks::PackedBricks;
 pub use cuts::cut_planes;
 pub use emitters::PackedEmitters;
+pub use light_tree::lamp_tree;
 pub use material_table::PackedMaterials;
 pub use meshes::{PackedMesh, place_mesh};
 pub use needs::{LEAVES_OUT, ShaderNeeds};

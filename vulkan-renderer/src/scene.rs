@@ -393,7 +393,15 @@ impl SkyOnDevice {
         };
         let suns = put("suns", bytemuck::cast_slice(&pack::suns(lights)))?;
         let lamps = put("lamps", bytemuck::cast_slice(&pack::lamps(lights)))?;
-        let lights_record = pack::lights(lights, [suns, lamps]);
+        let (nodes, cones) = pack::lamp_tree(lights);
+        let mut tree = [0; 2];
+        if !nodes.is_empty() {
+            tree[0] = put("the tree of lamps", bytemuck::cast_slice(&nodes))?;
+        }
+        if !cones.is_empty() {
+            tree[1] = put("the directions of lamps", bytemuck::cast_slice(&cones))?;
+        }
+        let lights_record = pack::lights(lights, [suns, lamps, tree[0], tree[1]]);
         let mut environment = layout::Environment::default();
         if let Some(sky) = PackedSky::new(lights) {
             let [pixels, rows, columns, densities] = sky.parts();

@@ -17,10 +17,10 @@ use pumice_scene::PartSet;
 use pumice_transport::Bvh;
 use pumice_transport::geometry::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Brick, BrickBlock, BrickPart, Camera, Chunk, CutPlane, EmissiveInstance, EmissiveTriangle, Emitter,
+    Brick, BrickBlock, BrickPart, Camera, Chunk, Cone, CutPlane, EmissiveInstance, EmissiveTriangle, Emitter,
     Emitters, Environment, Filter, HitRecord, Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER,
-    LOD_TRIANGLES, Lamp, Launch, LightNode, Lights, Material, NONE, Question, RayRecord, SCRATCH_BYTES,
-    SceneHeader, Settings, Sun, SurfaceAovsRecord, SurfaceRecord,
+    LOD_TRIANGLES, Lamp, Launch, LightNode, LightTree, Lights, Material, NONE, Question, RayRecord,
+    SCRATCH_BYTES, SceneHeader, Settings, Sun, SurfaceAovsRecord, SurfaceRecord,
 };
 use pumice_vulkan::pack::ShaderNeeds;
 use reflection::{Field, Layout, constants_read, layouts};
@@ -41,7 +41,7 @@ macro_rules! shapes {
 }
 
 shapes!(u32 => "u32", f32 => "f32", u64 => "u64", f64 => "u64", Camera => "CameraRecord", Filter => "Filter",
-    Settings => "Settings", Lights => "Lights", Environment => "Environment", Emitters => "Emitters", InstanceTree => "InstanceTree", SurfaceRecord => "SurfaceRecord");
+    Settings => "Settings", Lights => "Lights", Environment => "Environment", Emitters => "Emitters", LightTree => "LightTree", InstanceTree => "InstanceTree", SurfaceRecord => "SurfaceRecord");
 
 impl<T: Shape, const N: usize> Shape for [T; N] {
     fn shape() -> String {
@@ -143,6 +143,7 @@ fn twins() -> Vec<Layout> {
             Lights {
                 suns,
                 lamps,
+                lamp_tree,
                 sun_count,
                 lamp_count,
                 strategy,
@@ -152,6 +153,8 @@ fn twins() -> Vec<Layout> {
                 sky_irradiance,
                 emitters_irradiance,
                 is_sampled,
+                lamp_tree_irradiance,
+                reserved,
             }
         ),
         twin!(
@@ -200,6 +203,8 @@ fn twins() -> Vec<Layout> {
             }
         ),
         twin!("LightNode", LightNode { lo, hi, power }),
+        twin!("Cone", Cone { axis, cos_spread, cos_reach }),
+        twin!("LightTree", LightTree { nodes, cones, middle, scale, count, reserved }),
         twin!("Emitter", Emitter { emissive_instance, label, origin, first, ends, planes }),
         twin!(
             "EmissiveInstance",
@@ -209,18 +214,16 @@ fn twins() -> Vec<Layout> {
         twin!(
             "Emitters",
             Emitters {
-                nodes,
+                tree,
                 emitters,
                 faces,
                 triangles,
                 by_key,
                 emissive_instances,
                 emissive_instance_of,
-                middle,
-                scale,
                 radius,
-                count,
                 emissive_instance_of_count,
+                reserved,
             }
         ),
         twin!(
@@ -454,7 +457,7 @@ fn first_surfaces_read_no_needs_of_light() {
     }
     // Negative control: paths read what they leave out.
     let read = constants_read(&words_of(&folder("spirv").join("path_bvh.comp.spv")));
-    assert_eq!(read.iter().filter(|n| !kept(n)).count(), 10, "{read:?}");
+    assert_eq!(read.iter().filter(|n| !kept(n)).count(), 11, "{read:?}");
 }
 
 /// A hierarchy of one box, read from its bytes through the structure that the shaders read.

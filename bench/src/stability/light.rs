@@ -7,7 +7,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::CompressedVolume;
 use pumice_oracle::volumes::{noise, volume};
 use pumice_picture::{Image, Passes, write_exr};
-use pumice_scene::{Environment, Material, Mode, Projection, Scene, Sun};
+use pumice_scene::{Environment, Film, Filter, Material, Mode, Projection, Scene, Sun};
 use pumice_session::error::Result;
 
 use super::Case;
@@ -153,6 +153,15 @@ fn depths(studio: &mut Studio<'_>, sponge: &Arc<CompressedVolume>, tell: &mut Te
     let error = worst(&studio.expose(&scene, sponge, 4)?, 1.0);
     let reason = "1,024 bounces of one product in f32 each";
     tell(case("albedo 1 at 1,024 bounces", error, "largest relative error of a pixel", 6.2e-5, reason))?;
+    scene.film = Film::new(1, 1, Filter::Box { width: 1.0 });
+    let error = worst(&studio.expose(&scene, sponge, 4)?, 1.0);
+    tell(case(
+        "the same on a film of one pixel",
+        error,
+        "largest relative error of a pixel",
+        6.2e-5,
+        reason,
+    ))?;
 
     // After some bounces the throughput is below the smallest normal f32.
     let mut scene = from_above(lambert(1e-9), sky(1e30), [12.0, 12.0], 20.0);

@@ -143,10 +143,23 @@ pub(super) fn mean_off(pixels: &[[f32; 3]], expected: f64) -> f64 {
 /// By how much the mean of a grey picture exceeds the expected value beyond four standard errors of it, relative; 0 where it does not. The
 /// standard error is that of the pixels' spread: rare bright samples raise it with the mean.
 pub(super) fn surely_gained(pixels: &[[f32; 3]], expected: f64) -> f64 {
+    let (middle, standard_error) = grey_mean(pixels);
+    ((middle - 4.0 * standard_error) / expected - 1.0).max(0.0)
+}
+
+/// By how much the mean of a grey picture differs from the expected value beyond four standard errors of it, relative; 0 where it does not.
+pub(super) fn surely_off(pixels: &[[f32; 3]], expected: f64) -> f64 {
+    let (middle, standard_error) = grey_mean(pixels);
+    let off = ((middle - expected).abs() - 4.0 * standard_error) / expected;
+    // (A mean that is not a number stays one.)
+    if off <= 0.0 { 0.0 } else { off }
+}
+
+/// The mean of a grey picture, and its standard error.
+fn grey_mean(pixels: &[[f32; 3]]) -> (f64, f64) {
     let (n, middle) = (pixels.len() as f64, mean(pixels));
     let squares: f64 = pixels.iter().map(|p| (f64::from(p[0]) - middle).powi(2)).sum();
-    let standard_error = (squares / (n * (n - 1.0))).sqrt();
-    ((middle - 4.0 * standard_error) / expected - 1.0).max(0.0)
+    (middle, (squares / (n * (n - 1.0))).sqrt())
 }
 
 pub(super) fn mean(pixels: &[[f32; 3]]) -> f64 {
@@ -173,6 +186,10 @@ mod tests {
         assert_eq!(surely_gained(&pixels, 1.0), 0.0);
         let brighter: Vec<_> = pixels.iter().map(|p| p.map(|v| v + 0.2)).collect();
         assert!((surely_gained(&brighter, 1.0) - (0.2 - 0.4 / 3.0)).abs() < 1e-6);
+        let darker: Vec<_> = pixels.iter().map(|p| p.map(|v| v - 0.2)).collect();
+        assert_eq!((surely_off(&pixels, 1.0), surely_gained(&darker, 1.0)), (0.0, 0.0));
+        assert!((surely_off(&darker, 1.0) - (0.2 - 0.4 / 3.0)).abs() < 1e-6);
+        assert!(surely_off(&[[f32::NAN; 3]; 4], 1.0).is_nan());
     }
 
     /// Controls: the comparison finds another seed, an albedo that is 2 % off, and fewer bounces.

@@ -9,7 +9,9 @@ use pumice_core::{CompressedVolume, MeshData};
 use pumice_scene::Material;
 
 use super::faces::{Occupied, append_faces};
-use super::{Bounded, EmissiveInstance, EmissiveTriangle, Emitter, Emitters};
+use crate::light_tree::{Bounded, Cone};
+
+use super::{EmissiveInstance, EmissiveTriangle, Emitter, Emitters};
 use crate::MaterialTable;
 use crate::bsdf::luminance;
 use crate::geometry::{Cuts, Detail, DetailLevel, MeshGrid, Placement};
@@ -122,7 +124,7 @@ impl Gathered {
             (lo, hi) = (lo.min(at), hi.max(at));
         }
         let side = 1.0 / place.units_per_world;
-        self.bounded.push(Bounded { lo, hi, power: PI * power * side * side });
+        self.bounded.push(Bounded { lo, hi, power: PI * power * side * side, cone: Cone::ALL });
         self.emitters.push(emitter);
     }
 

@@ -19,7 +19,6 @@
 
 mod faces;
 mod gather;
-mod light_tree;
 
 use std::f64::consts::PI;
 use std::sync::Arc;
@@ -30,9 +29,9 @@ use glam::{DVec3, Vec3};
 use crate::MaterialTable;
 use crate::bsdf::emitted;
 use crate::geometry::Placement;
+use crate::light_tree::{Bounded, LightTree};
 pub use gather::EmissiveGeometry;
 pub(crate) use gather::emission_luminance;
-pub use light_tree::{Bounded, LightNode, LightTree, SeenFrom};
 
 /// Marks an instance that has no emitter.
 pub const NOT_EMISSIVE: u32 = u32::MAX;

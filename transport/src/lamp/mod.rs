@@ -18,6 +18,7 @@
 mod area;
 mod ball;
 mod disk;
+mod lamp_tree;
 mod many;
 mod spherical_rectangle;
 
@@ -26,6 +27,7 @@ use std::f64::consts::PI;
 use glam::{DVec3, Vec3};
 use pumice_scene::{Light, LightShape, Outline};
 
+pub(crate) use lamp_tree::LampTree;
 pub(crate) use many::ManyLamps;
 pub use spherical_rectangle::SphericalRectangle;
 

@@ -2,6 +2,7 @@
 
 use pumice_transport::Emitters;
 
+use super::light_tree::{light_nodes, light_tree};
 use crate::layout::{self, EmissiveInstance, EmissiveTriangle, Emitter, LightNode};
 
 /// Tables of emitters, in the order of the addresses in their record.
@@ -45,15 +46,13 @@ impl PackedEmitters {
             keys: p.keys,
             reserved: 0,
         };
-        let node =
-            |n: &pumice_transport::emitters::LightNode| LightNode { lo: n.lo, hi: n.hi, power: n.power };
         let triangle = |t: &pumice_transport::emitters::EmissiveTriangle| EmissiveTriangle {
             corners: t.corners,
             area: t.area,
         };
         let tree = of.tree();
         Self {
-            nodes: tree.nodes().iter().map(node).collect(),
+            nodes: light_nodes(tree),
             emitters: of.emitters().iter().map(emitter).collect(),
             faces: of.faces().chunks(2).map(|f| pairs(f[0], f.get(1).copied().unwrap_or(0))).collect(),
             triangles: of.triangles().iter().map(triangle).collect(),
@@ -61,10 +60,8 @@ impl PackedEmitters {
             emissive_instances: of.emissive_instances().iter().map(place).collect(),
             emissive_instance_of: of.emissive_instance_of().to_vec(),
             record: layout::Emitters {
-                middle: tree.middle.to_array(),
-                scale: tree.scale,
+                tree: light_tree(tree, [0, 0]),
                 radius: of.radius(),
-                count: tree.len(),
                 emissive_instance_of_count: of.emissive_instance_of().len() as u32,
                 ..layout::Emitters::default()
             },
@@ -88,7 +85,7 @@ impl PackedEmitters {
     pub fn record(&self, at: [u64; 7]) -> layout::Emitters {
         let [nodes, emitters, faces, triangles, by_key, places, place_of] = at;
         layout::Emitters {
-            nodes,
+            tree: layout::LightTree { nodes, ..self.record.tree },
             emitters,
             faces,
             triangles,

@@ -3,7 +3,7 @@
 use pumice_scene::{Part, PartSet};
 
 /// The part of a renderer that each specialisation constant enables, by the constant's number. Number 0 belongs to the probe.
-const PARTS: [(usize, Part); 17] = [
+const PARTS: [(usize, Part); 18] = [
     (1, Part::Microfacets),
     (2, Part::SkyPicture),
     (3, Part::LightSampling),
@@ -21,6 +21,7 @@ const PARTS: [(usize, Part); 17] = [
     (15, Part::SmoothNormals),
     (16, Part::Catchers),
     (INSTANCE_TREE, Part::InstanceTree),
+    (20, Part::LampTree),
 ];
 const INSTANCE_TREE: usize = 17;
 const BRICKS: usize = 18;
@@ -67,8 +68,8 @@ impl ShaderNeeds {
     }
 
     /// Specialisation constants, indexed by their numbers.
-    pub fn constants(&self) -> [u32; 20] {
-        let mut constants = [0; 20];
+    pub fn constants(&self) -> [u32; 21] {
+        let mut constants = [0; 21];
         for (number, part) in PARTS {
             constants[number] = u32::from(self.parts.has(part));
         }

@@ -6,6 +6,7 @@ use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::geometry::InstanceTree;
 use pumice_transport::{BoxBounds, EnvironmentTable, LightStrategy, Lights, Sky};
 
+use super::light_tree::light_tree;
 use crate::layout;
 
 /// The camera's record.
@@ -84,11 +85,15 @@ pub fn lamps(lights: &Lights) -> Vec<layout::Lamp> {
     lights.lamps().iter().map(lamp).collect()
 }
 
-/// The lights' record, with [`suns`] and [`lamps`] at these addresses.
-pub fn lights(lights: &Lights, [suns, lamps]: [u64; 2]) -> layout::Lights {
+/// The lights' record, with [`suns`], [`lamps`], and the nodes and cones of the [`lamp_tree`](super::lamp_tree) at these addresses.
+pub fn lights(lights: &Lights, [suns, lamps, nodes, cones]: [u64; 4]) -> layout::Lights {
+    let tree = lights.lamp_tree();
     layout::Lights {
         suns,
         lamps,
+        lamp_tree: tree.map_or_else(Default::default, |(tree, _)| light_tree(tree, [nodes, cones])),
+        lamp_tree_irradiance: tree.map_or(0.0, |(_, irradiance)| irradiance),
+        reserved: 0,
         lamp_count: lights.lamps().len() as u32,
         sun_count: lights.suns().len() as u32,
         strategy: match lights.strategy() {

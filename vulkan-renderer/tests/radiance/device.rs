@@ -46,6 +46,9 @@ impl OnDevice {
         let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
         let lamps = pack::lamps(lights);
         let lamps = if lamps.is_empty() { 0 } else { uploaded.put(gpu, &lamps) };
+        let (nodes, cones) = pack::lamp_tree(lights);
+        let nodes = if nodes.is_empty() { 0 } else { uploaded.put(gpu, &nodes) };
+        let cones = if cones.is_empty() { 0 } else { uploaded.put(gpu, &cones) };
         let sky = PackedSky::new(lights);
         let environment = sky.map(|sky| {
             let parts = sky.parts().map(|part| uploaded.put(gpu, part));
@@ -63,7 +66,7 @@ impl OnDevice {
         let tables = uploaded.put(gpu, &TABLES);
         let rays = CameraRays::new(&case.camera, &case.film);
         let settings = pack::settings(&case.around.settings, case.kept());
-        let lights = pack::lights(lights, [suns, lamps]);
+        let lights = pack::lights(lights, [suns, lamps, nodes, cones]);
         let header = layout::SceneHeader {
             tables,
             camera: pack::camera(&rays),

@@ -220,7 +220,7 @@ fn first_surfaces_are_alike_everywhere() {
 }
 
 /// What the first surfaces of the chosen scenes need.
-fn of_first_surfaces() -> [u32; 20] {
+fn of_first_surfaces() -> [u32; 21] {
     let parts = PartSet::NONE.with(Part::Meshes).with(Part::SmoothNormals);
     ShaderNeeds { parts, instance_tree: false, bricks: true, boxes: true }.constants()
 }

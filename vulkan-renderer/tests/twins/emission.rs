@@ -125,7 +125,7 @@ fn emitters_are_the_same() {
     let suns = uploaded.put(&gpu, &pack::suns(&lights));
     let header = SceneHeader {
         tables: uploaded.put(&gpu, &TABLES),
-        lights: pack::lights(&lights, [suns, 0]),
+        lights: pack::lights(&lights, [suns, 0, 0, 0]),
         emitters: packed.record(parts),
         ..SceneHeader::default()
     };

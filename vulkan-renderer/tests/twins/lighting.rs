@@ -156,12 +156,15 @@ fn lights_scene(gpu: &Gpu, lights: &Lights) -> (Uploaded, u64) {
     let suns = if suns.is_empty() { 0 } else { uploaded.put(gpu, &suns) };
     let lamps = pack::lamps(lights);
     let lamps = if lamps.is_empty() { 0 } else { uploaded.put(gpu, &lamps) };
+    let (nodes, cones) = pack::lamp_tree(lights);
+    let nodes = if nodes.is_empty() { 0 } else { uploaded.put(gpu, &nodes) };
+    let cones = if cones.is_empty() { 0 } else { uploaded.put(gpu, &cones) };
     let environment = PackedSky::new(lights).map(|sky| {
         let parts = sky.parts().map(|p| uploaded.put(gpu, p));
         sky.record(parts)
     });
     let header = SceneHeader {
-        lights: pack::lights(lights, [suns, lamps]),
+        lights: pack::lights(lights, [suns, lamps, nodes, cones]),
         environment: environment.unwrap_or_default(),
         ..Default::default()
     };
@@ -280,6 +283,7 @@ fn chosen_lights_are_the_same() {
         Lights::new(image(), vec![], backdrop),
         Lights::new(constant(), vec![sun(0.5)], None).with_lamps(lamps()),
         Lights::new(image(), vec![], None).with_lamps(lamps()),
+        Lights::new(image(), vec![sun(0.3)], None).with_lamps(crowd()),
         Lights::new(image(), vec![sun(0.3)], None).with_strategy(LightStrategy::LightsOnly),
         Lights::new(image(), vec![sun(0.3)], None).with_strategy(LightStrategy::BsdfOnly),
     ];
@@ -381,6 +385,32 @@ fn lamps() -> Vec<ReadyLamp> {
     ];
     let light = |shape| Light { shape, power_w: 40.0, color: [1.0, 0.5, 0.2], visible_to_camera: false };
     shapes.map(|s| ReadyLamp::new(&light(s))).into()
+}
+
+/// So many lamps of all kinds about the origin that a tree chooses among them.
+fn crowd() -> Vec<ReadyLamp> {
+    let mut random = Random(27);
+    let lamp = |i: u32| {
+        let position = (direction(&mut random) * (2.0 * f64::from(random.unit()))).to_array();
+        let axis = direction(&mut random);
+        let radius = [0.0, 0.05, 0.2][i as usize % 3];
+        let shape = match i % 4 {
+            0 => LightShape::Point { position, radius, soft_falloff: i.is_multiple_of(8) },
+            1 => {
+                let (direction, angle_rad) = (axis.to_array(), 1.5);
+                LightShape::Spot { position, direction, radius, angle_rad, blend: 0.5, soft_falloff: false }
+            }
+            _ => LightShape::Area {
+                world_from_light: DAffine3::from_translation(DVec3::from_array(position))
+                    * DAffine3::from_axis_angle(axis, 2.0),
+                outline: if i % 4 == 2 { Outline::Rectangle } else { Outline::Ellipse },
+                size: [0.1, 0.2],
+                spread_rad: 2.0,
+            },
+        };
+        ReadyLamp::new(&Light { shape, power_w: 0.5, color: [1.0, 0.5, 0.2], visible_to_camera: false })
+    };
+    (0..600).map(lamp).collect()
 }
 
 pub(super) fn receiver(random: &mut Random) -> Receiver {

@@ -1,4 +1,4 @@
-//! A binary tree over emitters that chooses one of many in proportion to its importance for a receiver.
+//! A binary tree over emitters (emissive surfaces, or lamps) that chooses one of many in proportion to its importance for a receiver.
 //!
 //! ```text
 //! emitters  e0 e1 e2 e3 e4          in the tree's order
@@ -15,7 +15,11 @@
 //!
 //! Positions are relative to the middle of all emitters, in units of half of the longest side, so that no voxel size overflows f32.
 
+mod cone;
+
 use glam::{DVec3, Vec3};
+
+pub use cone::Cone;
 
 /// After this many levels the second random number is used: the 24 bits of one number cannot tell 10⁷ emitters apart.
 const LEVELS_A_NUMBER: u32 = 12;
@@ -38,6 +42,8 @@ pub struct Bounded {
     pub hi: DVec3,
     /// Emitted power, in any unit that all emitters share.
     pub power: f64,
+    /// Directions in which it shines.
+    pub cone: Cone,
 }
 
 /// A node of the tree. Bounds are in the tree's units; the powers of all emitters add up to about 1.
@@ -56,6 +62,8 @@ pub struct LightNode {
 #[derive(Clone, Debug)]
 pub struct LightTree {
     nodes: Vec<LightNode>,
+    /// Directions in which the emitters of each node shine; empty where all shine to all sides.
+    cones: Vec<Cone>,
     /// Middle of all emitters, in the world.
     pub middle: DVec3,
     /// Tree units for each world unit.
@@ -79,17 +87,18 @@ fn left_of(count: u32) -> u32 {
 impl LightNode {
     /// Importance of the emitters below this node to a receiver.
     #[inline]
-    fn importance(&self, from: &SeenFrom) -> f32 {
+    fn importance(&self, cone: Option<&Cone>, from: &SeenFrom) -> f32 {
         let (lo, hi) = (Vec3::from_array(self.lo), Vec3::from_array(self.hi));
         let half = (hi - lo) * 0.5;
         let way = (lo + hi) * 0.5 - from.point;
         let squared = way.dot(way).max(half.dot(half)).max(LEAST_SQUARED);
+        let power = cone.map_or(self.power, |cone| self.power * cone.towards(way, half.dot(half)));
         if from.both_sides {
-            return self.power / squared;
+            return power / squared;
         }
         // Height of the corner that is highest above the receiver.
         let height = way.dot(from.normal) + half.dot(from.normal.abs());
-        if height <= 0.0 { 0.0 } else { self.power * (height / squared.sqrt()).min(1.0) / squared }
+        if height <= 0.0 { 0.0 } else { power * (height / squared.sqrt()).min(1.0) / squared }
     }
 }
 
@@ -113,12 +122,22 @@ impl LightTree {
         let mut order: Vec<u32> = (0..emitters.len() as u32).collect();
         let mut nodes = vec![LightNode::default(); 2 * emitters.len() - 1];
         fill(&leaves, &mut order, &mut nodes);
-        (Self { nodes, middle, scale }, order)
+        let mut cones = Vec::new();
+        if emitters.iter().any(|e| !e.cone.is_all()) {
+            cones.resize(nodes.len(), Cone::ALL);
+            fill_cones(emitters, &order, &mut cones);
+        }
+        (Self { nodes, cones, middle, scale }, order)
     }
 
     /// All nodes, each followed by its left subtree.
     pub fn nodes(&self) -> &[LightNode] {
         &self.nodes
+    }
+
+    /// Directions in which the emitters of each node shine; empty where all shine to all sides.
+    pub fn cones(&self) -> &[Cone] {
+        &self.cones
     }
 
     /// Number of emitters.
@@ -129,6 +148,52 @@ impl LightTree {
     /// Whether the tree has no emitters.
     pub fn is_empty(&self) -> bool {
         self.nodes.is_empty()
+    }
+
+    /// Importance of all emitters to a receiver.
+    #[inline]
+    pub fn importance(&self, from: &SeenFrom) -> f32 {
+        self.importance_of(0, from)
+    }
+
+    #[inline]
+    fn importance_of(&self, node: u32, from: &SeenFrom) -> f32 {
+        self.nodes[node as usize].importance(self.cones.get(node as usize), from)
+    }
+
+    /// Calls `visit` with the emitters whose bounds a ray (origin in the tree's units, unit direction) may meet, in order. A node is left out
+    /// where the ray passes the ball around it; `slack` is the part of squared distances that rounding may add up to.
+    #[inline]
+    pub fn near(&self, origin: Vec3, direction: Vec3, slack: f32, mut visit: impl FnMut(u32)) {
+        // Each step goes down and leaves one node behind; a tree of fewer than 2³¹ emitters has at most 32 levels.
+        let mut waiting = [(0u32, 0u32, 0u32); 32];
+        let mut depth = 0;
+        let (mut node, mut first, mut count) = (0, 0, self.len());
+        loop {
+            let n = &self.nodes[node as usize];
+            let (lo, hi) = (Vec3::from_array(n.lo), Vec3::from_array(n.hi));
+            let half = (hi - lo) * 0.5;
+            let way = (lo + hi) * 0.5 - origin;
+            let (squared, along) = (way.dot(way), way.dot(direction));
+            // The squared distance from the whole line; behind the start, that from the start. (Where numbers overflow, all are near.)
+            let beside = squared - if along > 0.0 { along * along } else { 0.0 };
+            let reach = half.dot(half);
+            let is_far = beside > reach + (reach + squared) * slack;
+            if !is_far && count == 1 {
+                visit(first);
+            }
+            if !is_far && count > 1 {
+                let left = left_of(count);
+                waiting[depth] = (node + 2 * left, first + left, count - left);
+                depth += 1;
+                (node, count) = (node + 1, left);
+            } else if depth > 0 {
+                depth -= 1;
+                (node, first, count) = waiting[depth];
+            } else {
+                return;
+            }
+        }
     }
 
     /// Prepares a receiver at `point` (world) with this normal.
@@ -144,8 +209,8 @@ impl LightTree {
     /// Probability of the left half of a node; `None` where neither half has importance.
     #[inline]
     fn probability_left(&self, node: u32, left: u32, from: &SeenFrom) -> Option<f32> {
-        let a = self.nodes[node as usize + 1].importance(from);
-        let b = self.nodes[(node + 2 * left) as usize].importance(from);
+        let a = self.importance_of(node + 1, from);
+        let b = self.importance_of(node + 2 * left, from);
         let both = a + b;
         (both > 0.0).then(|| a / both)
     }
@@ -198,7 +263,7 @@ impl LightTree {
 
     /// Size on the heap in bytes.
     pub fn bytes(&self) -> u64 {
-        (self.nodes.capacity() * size_of::<LightNode>()) as u64
+        (self.nodes.capacity() * size_of::<LightNode>() + self.cones.capacity() * size_of::<Cone>()) as u64
     }
 }
 
@@ -240,6 +305,18 @@ fn fill(leaves: &[LightNode], order: &mut [u32], nodes: &mut [LightNode]) {
     };
 }
 
+/// Fills the cones of the nodes over a range of emitters in the tree's order.
+fn fill_cones(emitters: &[Bounded], order: &[u32], cones: &mut [Cone]) {
+    if let [only] = order {
+        cones[0] = emitters[*only as usize].cone;
+        return;
+    }
+    let left = left_of(order.len() as u32) as usize;
+    fill_cones(emitters, &order[..left], &mut cones[1..]);
+    fill_cones(emitters, &order[left..], &mut cones[2 * left..]);
+    cones[0] = cones[1].joined(&cones[2 * left]);
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -256,7 +333,7 @@ mod tests {
         (0..count)
             .map(|i| {
                 let lo = DVec3::new(number(4 * i), number(4 * i + 1), 3.0 * number(4 * i + 2)) * 1e-9 + 7.0;
-                Bounded { lo, hi: lo + 1e-11, power: 0.01 + number(4 * i + 3).powi(6) }
+                Bounded { lo, hi: lo + 1e-11, power: 0.01 + number(4 * i + 3).powi(6), cone: Cone::ALL }
             })
             .collect()
     }
@@ -339,7 +416,8 @@ mod tests {
 
     #[test]
     fn what_is_near_is_chosen_rather_than_what_is_far() {
-        let at = |x: f64| Bounded { lo: DVec3::splat(x), hi: DVec3::splat(x + 0.1), power: 1.0 };
+        let at =
+            |x: f64| Bounded { lo: DVec3::splat(x), hi: DVec3::splat(x + 0.1), power: 1.0, cone: Cone::ALL };
         let (tree, order) = LightTree::new(&[at(0.0), at(10.0)]);
         let from = tree.seen_from(DVec3::splat(-1.0), Vec3::ONE.normalize(), false);
         let near = order.iter().position(|&e| e == 0).unwrap() as u32;
