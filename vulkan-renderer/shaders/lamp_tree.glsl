@@ -1,11 +1,18 @@
-// Which lamps of a tree a ray may meet: twin of LightTree::near in transport/src/light_tree.
+// Crowds of lamps: twin of transport/src/lamp/lamp_tree.rs, and of LightTree::near in transport/src/light_tree/mod.rs.
 #ifndef LAMP_TREE_GLSL
 #define LAMP_TREE_GLSL
 
 #include "light_tree.glsl"
+#include "emitters.glsl"
 
 // Part of squared distances that rounding may add up to: 64 roundings.
 const float LAMP_ROUNDINGS = 64.0 / 8388608.0;
+
+// About the irradiance that all lamps of the tree give to a receiver, for an importance of 1 `irradiance`; 0 only where they give none.
+float lamp_tree_irradiance_at(LightTree tree, float irradiance, Receiver from) {
+    float all = importance(tree, 0u, seen_from(tree, from));
+    return all > 0.0 ? max(all * irradiance, LEAST_IRRADIANCE) : 0.0;
+}
 
 // A search in progress: the ray's origin in the tree's units, and the ranges of lamps that wait, with their nodes. A tree of fewer than 2³¹
 // lamps has at most 32 levels.

@@ -1,10 +1,11 @@
-// A binary tree over emitters: twin of transport/src/light_tree, which draws it.
+// A tree that chooses among lights: twin of transport/src/light_tree/mod.rs, which draws it; transport/src/lamp/lamp_tree.rs uses it for lamps.
 #ifndef LIGHT_TREE_GLSL
 #define LIGHT_TREE_GLSL
 
 #include "layout.glsl"
 #include "dvec3.glsl"
 #include "lamp_ball.glsl"
+#include "light_cone.glsl"
 #include "needs.glsl"
 
 const uint LEVELS_A_NUMBER = 12u;
@@ -22,33 +23,6 @@ struct SeenFrom {
 // How many of `count` emitters are in the left half.
 uint left_of(uint count) {
     return (count + 1u) / 2u;
-}
-
-// Part of a cosine by which rounding may make an emitter look turned away.
-const float CONE_SLACK = 1e-3;
-
-// The sine of an angle from 0 to π, from its cosine.
-float sine_of(float cosine) {
-    return sqrt(max(1.0 - cosine * cosine, 0.0));
-}
-
-// Cosine and sine of one angle less another, or of 0 where the other is larger; both from 0 to π.
-vec2 angle_less(vec2 a, vec2 b) {
-    return a.x >= b.x ? vec2(1.0, 0.0) : vec2(a.x * b.x + a.y * b.y, a.y * b.x - a.x * b.y);
-}
-
-// Bound of the cosine between an emitter's axis and the way from it to a receiver; 0 where none of the emitters can shine there. `way` goes
-// from the receiver to the middle of a ball around all emitters with this squared radius.
-float cone_towards(Cone cone, vec3 way, float squared_radius) {
-    float squared = dot(way, way);
-    if (cone.cos_spread <= -1.0 || squared <= squared_radius) {
-        return 1.0;
-    }
-    float cosine = clamp(-dot(way, vec3_of(cone.axis)) / sqrt(squared), -1.0, 1.0);
-    vec2 from_middle = angle_less(vec2(cosine, sine_of(cosine)), vec2(cone.cos_spread, sine_of(cone.cos_spread)));
-    float subtended = squared_radius / squared;
-    cosine = angle_less(from_middle, vec2(sqrt(1.0 - subtended), sqrt(subtended))).x;
-    return cosine <= cone.cos_reach - CONE_SLACK ? 0.0 : max(cosine, CONE_SLACK);
 }
 
 // Importance of the emitters below a node for a receiver.

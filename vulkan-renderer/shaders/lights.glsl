@@ -54,12 +54,6 @@ uint light_count(Lights lights) {
     return lights.sun_count + lamp_lights(lights) + 2u;
 }
 
-// About the irradiance that all lamps of the tree give to a receiver; 0 only where they give none.
-float lamp_tree_irradiance_at(Lights lights, Receiver from) {
-    float all = importance(lights.lamp_tree, 0u, seen_from(lights.lamp_tree, from));
-    return all > 0.0 ? max(all * lights.lamp_tree_irradiance, LEAST_IRRADIANCE) : 0.0;
-}
-
 // About the irradiance that a light can give to a receiver; 0 only where it gives none.
 float light_weight(SceneRef scene, Lights lights, uint light, Receiver from) {
     float weight;
@@ -68,7 +62,7 @@ float light_weight(SceneRef scene, Lights lights, uint light, Receiver from) {
     } else if (light <= lights.sun_count) {
         weight = sun_irradiance_at(Suns(lights.suns).at[light - 1u], from);
     } else if (has_lamp_tree(lights) && light == lights.sun_count + 1u) {
-        weight = lamp_tree_irradiance_at(lights, from);
+        weight = lamp_tree_irradiance_at(lights.lamp_tree, lights.lamp_tree_irradiance, from);
     } else if (light <= lights.sun_count + lamp_lights(lights)) {
         weight = lamp_irradiance_at(Lamps(lights.lamps).at[light - 1u - lights.sun_count], from);
     } else {

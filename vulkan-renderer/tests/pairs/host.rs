@@ -4,7 +4,7 @@
 pub(crate) type Listed = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// Folders of which every Rust file is checked.
-pub(crate) const FOLDERS: [&str; 11] = [
+pub(crate) const FOLDERS: [&str; 12] = [
     "cpu-renderer/src",
     "cpu-renderer/src/traverse",
     "cpu-renderer/src/traverse/ray_box_mask",
@@ -16,6 +16,7 @@ pub(crate) const FOLDERS: [&str; 11] = [
     "transport/src/geometry",
     "transport/src/geometry/bvh",
     "transport/src/lamp",
+    "transport/src/light_tree",
 ];
 
 /// Further files: those that read a compressed volume, and normals.
@@ -178,14 +179,36 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[("CameraRays::new", READY), ("CameraRays::near", READ), ("fitted_side", READY)],
     ),
     (
-        "transport/src/emitters/light_tree.rs",
+        "transport/src/light_tree/mod.rs",
         &[
             ("LightTree::new", READY),
             ("LightTree::nodes", READ),
+            ("LightTree::cones", READ),
             ("LightTree::len", COUNTED),
             ("LightTree::is_empty", COUNTED),
             ("LightTree::bytes", COUNTED),
             ("fill", READY),
+            ("fill_cones", READY),
+        ],
+    ),
+    (
+        "transport/src/light_tree/cone.rs",
+        &[
+            ("Cone::around", READY),
+            ("Cone::joined", READY),
+            ("Cone::is_all", "the twin of Cone::towards compares the cosine itself"),
+        ],
+    ),
+    (
+        "transport/src/lamp/lamp_tree.rs",
+        &[
+            ("LampTree::new", READY),
+            ("LampTree::tree", READ),
+            ("LampTree::irradiance", READ),
+            ("bounds", READY),
+            ("power", READY),
+            ("is_beam", READY),
+            ("cone", READY),
         ],
     ),
     (
@@ -232,6 +255,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Lights::sky", READ),
             ("Lights::suns", READ),
             ("Lights::lamps", READ),
+            ("Lights::lamp_tree", READ),
             ("Lights::backdrop", READ),
             ("Lights::strategy", READ),
             ("Lights::place_of", KEPT),
@@ -555,6 +579,19 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
             ("Lights::odds", "light_odds"),
             ("Lights::choose", "choose_light"),
             ("Lights::lamp_emission_to_camera", "lamp_emission"),
+            ("Lights::each_near", "lamp_emission"),
+        ],
+    ),
+    (
+        "transport/src/light_tree/mod.rs",
+        &[("LightTree::importance_of", "importance"), ("LightTree::near", "next_lamp")],
+    ),
+    (
+        "transport/src/lamp/lamp_tree.rs",
+        &[
+            ("LampTree::choose", "tree_choose"),
+            ("LampTree::probability", "tree_probability"),
+            ("LampTree::near", "next_lamp"),
         ],
     ),
     ("transport/src/bsdf/tables.rs", &[("place", "table_1d"), ("between", "table_1d")]),
