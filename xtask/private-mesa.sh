@@ -4,6 +4,9 @@
 #
 #   private-mesa.sh FOLDER      unpacks packages into FOLDER/root; FOLDER/env lists the environment variables of processes that use them
 #
+# Mesa's driver for AMD cards comes along as a compiler: without a card it compiles shaders for any of them, and draws nothing. No Vulkan
+# loader finds it by itself: FOLDER/env has its file as PUMICE_SHADER_COMPILER.
+#
 #   /etc/apt (mirrors, proxy) ─► FOLDER/apt: lists of packages ─► the packages below and what they need ─► FOLDER/root
 #
 # Debian and Ubuntu only; elsewhere it fails and says what to install. Mesa can trace rays on the CPU since 24.1, which Debian 12 has
@@ -22,7 +25,7 @@ fail() {
 [ $# = 1 ] || fail "usage: private-mesa.sh FOLDER"
 mkdir -p "$1"
 folder=$(cd "$1" && pwd -P)
-stamp="1 $folder ${PACKAGES[*]}" # includes the folder's path, because the unpacked files hold it
+stamp="2 $folder ${PACKAGES[*]}" # includes the folder's path, because the unpacked files hold it
 exec 9>"$folder/.lock"
 flock 9 # of two processes at once, the second waits and then finds everything in place
 [ "$(cat "$folder/.done" 2>/dev/null)" != "$stamp" ] || exit 0
@@ -90,12 +93,14 @@ lib=$(dirname "$driver")
 triplet=$(basename "$lib")
 # Moves libraries that are still in /lib. Removes drivers of real devices, so that tests do not depend on the machine.
 if [ -d "$root/lib/$triplet" ]; then cp -a "$root/lib/$triplet/." "$lib/"; fi
-find "$lib" -name 'libvulkan_*.so' ! -name libvulkan_lvp.so -delete
+find "$lib" -name 'libvulkan_*.so' ! -name libvulkan_lvp.so ! -name libvulkan_radeon.so -delete
 vulkan=$root/usr/share/vulkan
+mkdir -p "$vulkan/compilers"
+mv "$vulkan"/icd.d/radeon_icd*.json "$vulkan/compilers/radeon.json"
 find "$vulkan/icd.d" -name '*.json' ! -name 'lvp_icd*' -delete
 rm -rf "$vulkan/implicit_layer.d" "$root"/usr/share/{doc,man,locale}
 icd=$(echo "$vulkan"/icd.d/lvp_icd*.json)
-for file in "$icd" "$vulkan"/explicit_layer.d/*.json; do
+for file in "$icd" "$vulkan"/compilers/*.json "$vulkan"/explicit_layer.d/*.json; do
     sed -i -E "s#(\"library_path\"[^\"]*\")([^\"]*/)?([^\"/]+\")#\1$lib/\3#" "$file"
 done
 cat >"$folder/env" <<END
@@ -104,9 +109,10 @@ VK_ICD_FILENAMES=$icd
 VK_LAYER_PATH=$vulkan/explicit_layer.d
 VK_LOADER_LAYERS_DISABLE=~implicit~
 MESA_SHADER_CACHE_DIR=$folder/cache
+PUMICE_SHADER_COMPILER=$vulkan/compilers/radeon.json
 LD_LIBRARY_PATH=$lib
 END
-missing=$(LD_LIBRARY_PATH=$lib ldd "$driver" "$lib/libvulkan.so.1" "$lib/libVkLayer_khronos_validation.so" | awk '/not found/ && !seen[$1]++ { printf " %s", $1 }')
+missing=$(LD_LIBRARY_PATH=$lib ldd "$driver" "$lib/libvulkan_radeon.so" "$lib/libvulkan.so.1" "$lib/libVkLayer_khronos_validation.so" | awk '/not found/ && !seen[$1]++ { printf " %s", $1 }')
 [ -z "$missing" ] || fail "the driver needs libraries that are missing:$missing: $INSTALL"
 mesa=$(sed -n 's/^mesa-vulkan-drivers //p' "$folder/packages.txt")
 major=${mesa#*:}

@@ -63,3 +63,18 @@ def test_sizes_are_those_of_the_committed_table(page, shares):
     for figure, exact in zip(said, [f(column) for column in shares for f in (min, max)]):
         # As many digits as the page has.
         assert figure == f"{exact:.{len(figure.partition('.')[2])}f}", (said, exact)
+
+
+def test_registers_and_spills_are_those_of_the_committed_figures():
+    rows = json.loads((ROOT / "bench/results/shaders.json").read_text())
+    page = text_of("docs/vulkan.md").split("## Whether the shaders fit")[1].split("\n## ")[0]
+    table = re.findall(r"(?m)^\| `(vulkan-\w+)` \| (.*) \|$", page)
+    assert [name for name, _ in table] == ["vulkan-compute", "vulkan-query", "vulkan-rt"]
+    for backend, cells in table:
+        counted = []
+        for card in ("NAVI21", "NAVI31", "GFX1201"):
+            of = [r for r in rows if (r["backend"], r["scene"], r["entry"]) == (backend, "principled", "samples") and card in r["device"]]
+            # In a ray tracing pipeline, the shader that draws samples is the largest.
+            most = max((dict(r["statistics"]) for r in of), key=lambda s: s["Instructions"])
+            counted.append(f"{most['VGPRs']:.0f}, {most['Spilled VGPRs']:.0f}")
+        assert cells.split(" | ") == counted, backend

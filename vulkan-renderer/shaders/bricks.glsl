@@ -9,8 +9,9 @@ const uint BLOCK_SHIFT = 6u;
 const uint BRICK_SHIFT = 4u;
 const uint CELL_SHIFT = 2u;
 
+// (Where a scene has nothing else, it is known without a look, and the search through a hierarchy is not compiled.)
 bool has_bricks(InstanceRef instance) {
-    return NEEDS_BRICKS != 0u && instance.it.blocks != 0UL;
+    return NEEDS_BRICKS != 0u && ((NEEDS_BOXES | NEEDS_MESHES) == 0u || instance.it.blocks != 0UL);
 }
 
 // Index of the last block along each axis.

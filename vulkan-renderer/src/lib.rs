@@ -23,3 +23,4 @@ mod slices;
 
 pub use renderer::VulkanRenderer;
 pub use sent::Sent;
+pub use shaders::{Entry, executables};

@@ -1,15 +1,28 @@
-//! The compiled shaders that the renderer launches. They are embedded in the library, so users need no shader compiler and no files.
+//! The shaders that the renderer launches. They are embedded in the library, so users need no shader compiler and no files.
 
-use crate::device::{Backend, DeviceError, Gpu};
+use std::time::Duration;
+
+use crate::device::{Backend, DeviceError, Executable, Gpu, RayShaders};
+use crate::pack::ShaderNeeds;
 use crate::program::{Code, Program};
 
 /// An entry point that can be launched.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Entry {
+pub enum Entry {
     /// Adds samples to the film.
     Path,
     /// Finds the first surface through the centre of each pixel.
     First,
+}
+
+impl Entry {
+    /// Specialisation constants of the entry for a scene that needs `needs`.
+    pub(crate) fn constants(self, needs: ShaderNeeds) -> [u32; 21] {
+        match self {
+            Self::Path => needs.constants(),
+            Self::First => needs.of_surfaces().constants(),
+        }
+    }
 }
 
 /// Workgroup size of both entries, across and down, where they are compute shaders.
@@ -41,14 +54,51 @@ fn words(bytes: &[u8]) -> Vec<u32> {
     bytes.chunks_exact(4).map(|w| u32::from_le_bytes([w[0], w[1], w[2], w[3]])).collect()
 }
 
-/// Creates the program of an entry on a device. It uses the variant with native doubles where the device has them.
-pub(crate) fn program(gpu: &Gpu, entry: Entry, constants: &[u32]) -> Result<Program, DeviceError> {
-    let (backend, native) = (gpu.backend(), gpu.candidate().native_f64);
-    let main = words(main_of(entry, backend, native));
-    if backend != Backend::RayPipeline {
-        return Program::new(gpu, &Code { main: &main, miss_and_box: None, group: GROUP }, constants);
+/// SPIR-V of an entry for a device.
+struct Modules {
+    main: Vec<u32>,
+    /// The miss shader and the intersection shader of a ray tracing pipeline.
+    miss_and_box: Option<[Vec<u32>; 2]>,
+}
+
+impl Modules {
+    /// Those of an entry, in the variant with native doubles where the device has them.
+    fn of(gpu: &Gpu, entry: Entry) -> Self {
+        let (backend, native) = (gpu.backend(), gpu.candidate().native_f64);
+        let by_pipeline = backend == Backend::RayPipeline;
+        Self {
+            main: words(main_of(entry, backend, native)),
+            miss_and_box: by_pipeline.then(|| {
+                [words(include_bytes!("../spirv/nothing.rmiss.spv")), words(spirv!("box.rint", native))]
+            }),
+        }
     }
-    let miss = words(include_bytes!("../spirv/nothing.rmiss.spv"));
-    let in_box = words(spirv!("box.rint", native));
-    Program::new(gpu, &Code { main: &main, miss_and_box: Some([&miss, &in_box]), group: [1, 1] }, constants)
+}
+
+/// Creates the program of an entry on a device.
+pub(crate) fn program(gpu: &Gpu, entry: Entry, constants: &[u32]) -> Result<Program, DeviceError> {
+    let Modules { main, miss_and_box } = Modules::of(gpu, entry);
+    let others = miss_and_box.as_ref().map(|[miss, in_box]| [&miss[..], &in_box[..]]);
+    let group = if others.is_some() { [1, 1] } else { GROUP };
+    Program::new(gpu, &Code { main: &main, miss_and_box: others, group }, constants)
+}
+
+/// Compiles an entry and launches nothing. Returns the time that it took, and what the driver's compiler counted. The device must have been
+/// opened by [`Gpu::open_for_statistics`].
+///
+/// # Errors
+/// When the driver refuses it, or the device was not opened so.
+pub fn executables(
+    gpu: &Gpu,
+    entry: Entry,
+    needs: &ShaderNeeds,
+) -> Result<(Duration, Vec<Executable>), DeviceError> {
+    let Modules { main, miss_and_box } = Modules::of(gpu, entry);
+    let constants = entry.constants(*needs);
+    match &miss_and_box {
+        None => gpu.compute_executables(&main, &constants),
+        Some([miss, intersection]) => {
+            gpu.ray_executables(&RayShaders { generation: &main, miss, intersection }, &constants)
+        }
+    }
 }

@@ -133,7 +133,7 @@ impl Shown {
             samples,
             ..launch_of(&tile)
         };
-        let program = machine.program(Entry::Path, &self.needs.constants())?;
+        let program = machine.program(Entry::Path, &Entry::Path.constants(self.needs))?;
         let taken = program.run("a launch of samples", &launch, [tile.width, tile.height])?;
         machine.slices.learn(tile.pixels(), samples, taken.as_secs_f64());
         job.advance(tile.pixels() * u64::from(samples));
@@ -250,7 +250,7 @@ impl Shown {
         let output = machine.gpu.buffer("first surfaces", records.len() as u64)?;
         let launch =
             Launch { scene: self.on_device.address(), output: output.address(), wanted, ..launch_of(tile) };
-        let program = machine.program(Entry::First, &self.needs.of_surfaces().constants())?;
+        let program = machine.program(Entry::First, &Entry::First.constants(self.needs))?;
         let taken = program.run("first surfaces", &launch, [tile.width, tile.height])?;
         machine.gpu.download(&output, 0, records)?;
         Ok(taken)

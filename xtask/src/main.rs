@@ -7,6 +7,7 @@ mod closing_lines;
 mod cpu_seconds;
 mod extension;
 mod fuzz;
+mod gpu_stats;
 mod part;
 mod private_mesa;
 mod python_env;
@@ -29,6 +30,7 @@ Usage: cargo xtask test [--full] [--only PART]... [--share K] [--bpy VERSION] [-
        cargo xtask test-window [--suite trixie|sid] [--gpu opengl|vulkan] [--out FOLDER]
        cargo xtask stub
        cargo xtask shaders [--check]
+       cargo xtask gpu-stats [FAMILY]... [--scene NAME]... [--out FOLDER]
        cargo xtask fuzz [TARGET]... [--seconds N]
        cargo xtask fuzz TARGET --input FILE
 
@@ -63,6 +65,12 @@ shaders: compiles vulkan-renderer/shaders to vulkan-renderer/spirv, with a compi
 
   --check       do not write; fail if the compiled shaders do not match their sources
 
+gpu-stats: prints registers, spills and instructions of the shaders, as Mesa's compiler counts them for AMD cards that are not there.
+
+  FAMILY        navi21, navi31 or gfx1201 (default: all)
+  --scene NAME  diffuse, principled or all, as of `pumice bench shaders` (default: each of them)
+  --out FOLDER  also write shaders.md and shaders.json into this folder
+
 fuzz: feeds one reader after another with inputs guided by coverage (needs a C++ compiler); stops at the first failing input.
 
   --seconds N   time for each target (default 60); its corpus is kept in target/fuzz for the next run
@@ -86,6 +94,9 @@ fn main() -> ExitCode {
         }),
         "stub" if rest.is_empty() => told(wheel::update_stub(&root(), &target())),
         "shaders" => parsed(shaders::Options::parse(rest), |o| told(shaders::run(&root(), &target(), &o))),
+        "gpu-stats" => {
+            parsed(gpu_stats::Options::parse(rest), |o| told(gpu_stats::run(&root(), &target(), &o)))
+        }
         "fuzz" => parsed(fuzz::Options::parse(rest), |o| fuzz::run(&o)),
         "--help" | "-h" if rest.is_empty() => {
             println!("{HELP}");

@@ -17,6 +17,9 @@ use crate::step::Step;
 /// without a probe, so a stack that is too small is a fault of memory and no error.
 const STACK_KB: u32 = 65_536;
 
+/// The variable with the file of a driver that compiles for cards that are not there.
+const COMPILER: &str = "PUMICE_SHADER_COMPILER";
+
 /// The private folder with Vulkan on the CPU.
 #[derive(Clone, Debug)]
 pub(crate) struct PrivateMesa {
@@ -45,6 +48,8 @@ impl PrivateMesa {
             self.environment(command);
             command.env("GALLIVM_PERF", "nopt");
             *command = with_stacks(command);
+        } else if let Some(driver) = self.shader_compiler() {
+            command.env(COMPILER, driver);
         }
     }
 
@@ -58,11 +63,33 @@ impl PrivateMesa {
             .env("VK_LAYER_SETTINGS_PATH", root.join("xtask/validation"));
     }
 
+    /// Sets the environment of a command so that Mesa's driver for AMD cards compiles for a card of this family, without a card. Programs
+    /// can make pipelines with it and nothing else.
+    pub(crate) fn compile_for_amd(&self, command: &mut Command, family: &str) -> Result<(), String> {
+        self.environment(command);
+        let driver = self.shader_compiler();
+        let driver =
+            driver.ok_or_else(|| format!("{} has no driver for AMD cards", self.folder.display()))?;
+        command
+            .env("VK_DRIVER_FILES", &driver)
+            .env("VK_ICD_FILENAMES", &driver)
+            .env("MESA_SHADER_CACHE_DISABLE", "true")
+            .env("RADV_FORCE_FAMILY", family);
+        Ok(())
+    }
+
     /// A command that runs a program of the folder.
     pub(crate) fn tool(&self, name: &str) -> Command {
         let mut command = Command::new(self.folder.join("root/usr/bin").join(name));
         self.environment(&mut command);
         command
+    }
+
+    /// The file of Mesa's driver for AMD cards, which serves as a compiler.
+    fn shader_compiler(&self) -> Option<String> {
+        let text = std::fs::read_to_string(self.folder.join("env")).unwrap_or_default();
+        let value = |line: &str| line.strip_prefix(COMPILER)?.strip_prefix('=').map(str::to_owned);
+        text.lines().find_map(value)
     }
 
     /// Sets the variables of the file `env`. Without that file it sets none; the step that makes the folder has failed then.
@@ -125,8 +152,8 @@ mod tests {
     fn what_a_command_was_told_before_stays_first() {
         let target = std::env::temp_dir().join(format!("xtask-mesa-{}", std::process::id()));
         std::fs::create_dir_all(target.join("mesa")).unwrap();
-        std::fs::write(target.join("mesa/env"), "VK_DRIVER_FILES=/m/lvp.json\nLD_LIBRARY_PATH=/m/lib\n")
-            .unwrap();
+        let env = "VK_DRIVER_FILES=/m/lvp.json\nPUMICE_SHADER_COMPILER=/m/amd.json\nLD_LIBRARY_PATH=/m/lib\n";
+        std::fs::write(target.join("mesa/env"), env).unwrap();
         let value = |command: &Command, name: &str| {
             let found = command.get_envs().find(|(n, _)| *n == name).and_then(|(_, value)| value);
             found.map(|v| v.to_string_lossy().into_owned())
@@ -140,6 +167,10 @@ mod tests {
         command.env_remove("LD_LIBRARY_PATH");
         PrivateMesa::new(&target).environment(&mut command);
         assert_eq!(value(&command, "LD_LIBRARY_PATH").as_deref(), Some("/m/lib"));
+        PrivateMesa::new(&target).compile_for_amd(&mut command, "navi31").unwrap();
+        assert_eq!(value(&command, "VK_DRIVER_FILES").as_deref(), Some("/m/amd.json"));
+        assert_eq!(value(&command, "RADV_FORCE_FAMILY").as_deref(), Some("navi31"));
         std::fs::remove_dir_all(&target).unwrap();
+        assert!(PrivateMesa::new(&target).compile_for_amd(&mut command, "navi31").is_err());
     }
 }

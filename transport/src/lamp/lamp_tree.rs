@@ -190,7 +190,7 @@ mod tests {
                 let lamp = &lamps[i * 7 % lamps.len()];
                 let point = match i % 5 {
                     0 | 1 => middle + size * numbers.place(),
-                    2 => lamp.position + 1e-3 * size * numbers.place(),
+                    2 => lamp.position + [1e-3, 1e-7][i / 5 % 2] * size * numbers.place(),
                     3 => middle + 4.0 * size * numbers.place(),
                     _ => middle + 1e6 * size * numbers.place(),
                 };

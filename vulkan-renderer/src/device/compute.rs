@@ -7,6 +7,7 @@ use ash::vk;
 
 use super::DeviceError;
 use super::gpu::{Gpu, Inner};
+use super::initialised::initialised;
 use super::specialised::specialised;
 use crate::layout::Launch;
 
@@ -24,9 +25,10 @@ pub(super) struct Module {
 }
 
 impl Module {
-    /// The module that `words` are, without what the specialisation constants rule out.
+    /// The module that `words` are, without what the specialisation constants rule out and without variables that hold nothing.
     pub(super) fn new(gpu: &Gpu, words: &[u32], constants: &[u32]) -> Result<Self, DeviceError> {
         let words = specialised(words, constants);
+        let words = initialised(&words);
         let words = gpu.inner.float_modes.declared_in(&words);
         let create = vk::ShaderModuleCreateInfo::default().code(&words);
         // SAFETY: the words are a whole module that the compiler made (the build checks them). They use features that were enabled, with
@@ -80,7 +82,10 @@ impl Gpu {
             .module(module.handle)
             .name(c"main")
             .specialization_info(&specialization);
-        let create = [vk::ComputePipelineCreateInfo::default().stage(stage).layout(layout)];
+        let create = [vk::ComputePipelineCreateInfo::default()
+            .flags(inner.pipeline_flags())
+            .stage(stage)
+            .layout(layout)];
         // SAFETY: all that `create` points to lives until the call returns.
         let made = unsafe { inner.calls.create_compute_pipelines(inner.cache.handle, &create, None) };
         // Takes the layout, so that it is destroyed where the pipeline could not be created.

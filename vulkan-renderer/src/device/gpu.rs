@@ -47,6 +47,8 @@ pub(super) struct Inner {
     pub(super) calls: ash::Device,
     pub(super) acceleration: Option<khr::acceleration_structure::Device>,
     pub(super) ray_pipeline: Option<khr::ray_tracing_pipeline::Device>,
+    /// Present where pipelines keep what the compiler counts.
+    pub(super) executables: Option<khr::pipeline_executable_properties::Device>,
     pub(super) memory: vk::PhysicalDeviceMemoryProperties,
     pub(super) limits: Limits,
     pub(super) faults: Faults,
@@ -88,6 +90,39 @@ impl Gpu {
         backend: Backend,
         cache_folder: Option<&std::path::Path>,
     ) -> Result<Self, DeviceError> {
+        Self::open_as(instance, candidate, backend, cache_folder, false)
+    }
+
+    /// Opens a device for a backend, to learn what its driver's compiler counts ([`super::Executable`]). No compiled pipelines are kept or
+    /// taken from disk, and nothing can be launched.
+    ///
+    /// # Errors
+    /// [`DeviceError::Unsupported`] says what the device lacks.
+    pub fn open_for_statistics(
+        instance: &Instance,
+        candidate: &Candidate,
+        backend: Backend,
+    ) -> Result<Self, DeviceError> {
+        if !candidate.statistics {
+            let lacks = khr::pipeline_executable_properties::NAME.to_string_lossy();
+            return Err(DeviceError::Unsupported {
+                backend,
+                why: format!(
+                    "{} lacks {lacks}: its driver tells no figures of compiled shaders",
+                    candidate.name
+                ),
+            });
+        }
+        Self::open_as(instance, candidate, backend, None, true)
+    }
+
+    fn open_as(
+        instance: &Instance,
+        candidate: &Candidate,
+        backend: Backend,
+        cache_folder: Option<&std::path::Path>,
+        statistics: bool,
+    ) -> Result<Self, DeviceError> {
         if !candidate.can(backend) {
             let lacks = candidate.missing(backend).join(", ");
             return Err(DeviceError::Unsupported {
@@ -122,6 +157,8 @@ impl Gpu {
         let mut pipeline =
             vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default().ray_tracing_pipeline(true);
         let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default().ray_query(true);
+        let mut info = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default()
+            .pipeline_executable_info(true);
         let priorities = [1.0];
         let wanted = [vk::DeviceQueueCreateInfo::default()
             .queue_family_index(queue_family)
@@ -147,6 +184,10 @@ impl Gpu {
             }
             Backend::Compute => {}
         }
+        if statistics {
+            extensions.push(khr::pipeline_executable_properties::NAME.as_ptr());
+            create = create.push_next(&mut info);
+        }
         let create = create.enabled_extension_names(&extensions);
         // SAFETY: every extension and feature was found by the survey; the chain lives until the call returns.
         let calls = unsafe { instance.calls().create_device(physical, &create, None) }
@@ -159,6 +200,8 @@ impl Gpu {
                 .then(|| khr::acceleration_structure::Device::new(functions, &calls)),
             ray_pipeline: (backend == Backend::RayPipeline)
                 .then(|| khr::ray_tracing_pipeline::Device::new(functions, &calls)),
+            executables: statistics
+                .then(|| khr::pipeline_executable_properties::Device::new(functions, &calls)),
             // SAFETY: as above.
             memory: unsafe { functions.get_physical_device_memory_properties(physical) },
             limits: limits(functions, physical, backend),
@@ -180,7 +223,10 @@ impl Gpu {
         };
         // From here on, dropping `inner` cleans up after a failure.
         let mut inner = inner;
-        inner.start_worker()?;
+        if !statistics {
+            // A driver that compiles for a device that is not there may have no fences.
+            inner.start_worker()?;
+        }
         // SAFETY: as above.
         let properties = unsafe { instance.calls().get_physical_device_properties(physical) };
         inner.cache = PipelineCache::open(&inner.calls, &properties, cache_folder)?;
@@ -265,6 +311,10 @@ impl Gpu {
         let inner = &*self.inner;
         if self.is_lost() {
             return Err(DeviceError::Lost(during));
+        }
+        if inner.executables.is_some() {
+            let why = format!("the device was opened for statistics alone: no {during}");
+            return Err(DeviceError::Unsupported { backend: inner.backend, why });
         }
         let lost = |result: vk::Result| match result {
             vk::Result::ERROR_DEVICE_LOST => {

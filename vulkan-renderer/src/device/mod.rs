@@ -21,9 +21,11 @@ mod compute;
 #[cfg(test)]
 mod control;
 mod error;
+mod executables;
 mod faults;
 mod float_modes;
 mod gpu;
+mod initialised;
 mod instance;
 mod messages;
 #[cfg(test)]
@@ -39,6 +41,7 @@ pub use backend::Backend;
 pub use buffer::Buffer;
 pub use compute::ComputePipeline;
 pub use error::DeviceError;
+pub use executables::{Executable, Statistic};
 pub use faults::InjectedFault;
 pub use gpu::Gpu;
 pub use instance::{Instance, InstanceOptions};

@@ -35,7 +35,7 @@ pub struct RayShaders<'a> {
 /// A ray tracing pipeline with its shader binding table.
 pub struct RayPipeline {
     layout: vk::PipelineLayout,
-    pipeline: vk::Pipeline,
+    pub(super) pipeline: vk::Pipeline,
     /// None only while the pipeline is being made.
     table: Option<Buffer>,
     regions: [vk::StridedDeviceAddressRegionKHR; 3],
@@ -48,6 +48,17 @@ impl Gpu {
     /// # Errors
     /// When the driver refuses it or memory is short.
     pub fn ray_pipeline(
+        &self,
+        shaders: &RayShaders<'_>,
+        constants: &[u32],
+    ) -> Result<RayPipeline, DeviceError> {
+        let mut made = self.ray_pipeline_alone(shaders, constants)?;
+        self.add_table(&mut made)?;
+        Ok(made)
+    }
+
+    /// The pipeline without its shader binding table, so that nothing is launched.
+    pub(super) fn ray_pipeline_alone(
         &self,
         shaders: &RayShaders<'_>,
         constants: &[u32],
@@ -91,6 +102,7 @@ impl Gpu {
             gpu: Arc::clone(inner),
         };
         let create = [vk::RayTracingPipelineCreateInfoKHR::default()
+            .flags(inner.pipeline_flags())
             .stages(&stages)
             .groups(&groups)
             .max_pipeline_ray_recursion_depth(1)
@@ -101,8 +113,13 @@ impl Gpu {
             unsafe { calls.create_ray_tracing_pipelines(deferred, inner.cache.handle, &create, None) }
                 .map_err(|(_, e)| DeviceError::of("vkCreateRayTracingPipelinesKHR")(e))?;
         made.pipeline = pipelines.first().copied().unwrap_or_default();
+        Ok(made)
+    }
 
-        // The shader binding table. Each region begins at a multiple of the base alignment, and the size of its only entry is a multiple of
+    /// Makes the shader binding table of a pipeline.
+    fn add_table(&self, made: &mut RayPipeline) -> Result<(), DeviceError> {
+        let (inner, calls) = (&self.inner, self.ray_calls()?);
+        // Each region begins at a multiple of the base alignment, and the size of its only entry is a multiple of
         // the handle alignment.
         let limits = inner.limits;
         let entry = limits.handle_bytes.next_multiple_of(limits.handle_alignment);
@@ -127,7 +144,7 @@ impl Gpu {
                 .size(entry)
         });
         made.table = Some(table);
-        Ok(made)
+        Ok(())
     }
 
     /// Runs a ray tracing pipeline over `size` rays and waits for its end. Returns how long that took.

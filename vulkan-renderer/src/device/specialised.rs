@@ -17,47 +17,66 @@ use std::collections::{HashMap, HashSet};
 
 const HEADER_WORDS: usize = 5;
 
-/// Instructions that this module reads or writes, by their numbers.
-mod op {
-    pub(super) const UNDEF: u32 = 1;
-    pub(super) const NAME: u32 = 5;
-    pub(super) const MEMBER_NAME: u32 = 6;
-    pub(super) const STRING: u32 = 7;
-    pub(super) const EXT_INST_IMPORT: u32 = 11;
-    pub(super) const ENTRY_POINT: u32 = 15;
-    pub(super) const TYPE_VOID: u32 = 19;
-    pub(super) const TYPE_FORWARD_POINTER: u32 = 39;
-    pub(super) const CONSTANT_TRUE: u32 = 41;
-    pub(super) const CONSTANT_FALSE: u32 = 42;
-    pub(super) const CONSTANT: u32 = 43;
-    pub(super) const SPEC_CONSTANT: u32 = 50;
-    pub(super) const SPEC_CONSTANT_OP: u32 = 52;
-    pub(super) const FUNCTION: u32 = 54;
-    pub(super) const FUNCTION_END: u32 = 56;
-    pub(super) const FUNCTION_CALL: u32 = 57;
-    pub(super) const VARIABLE: u32 = 59;
-    pub(super) const DECORATE: u32 = 71;
-    pub(super) const MEMBER_DECORATE: u32 = 72;
-    pub(super) const LOGICAL_EQUAL: u32 = 164;
-    pub(super) const LOGICAL_NOT_EQUAL: u32 = 165;
-    pub(super) const LOGICAL_OR: u32 = 166;
-    pub(super) const LOGICAL_AND: u32 = 167;
-    pub(super) const LOGICAL_NOT: u32 = 168;
-    pub(super) const SELECT: u32 = 169;
-    pub(super) const I_EQUAL: u32 = 170;
-    pub(super) const I_NOT_EQUAL: u32 = 171;
-    pub(super) const BITWISE_OR: u32 = 197;
-    pub(super) const PHI: u32 = 245;
-    pub(super) const LOOP_MERGE: u32 = 246;
-    pub(super) const SELECTION_MERGE: u32 = 247;
-    pub(super) const LABEL: u32 = 248;
-    pub(super) const BRANCH: u32 = 249;
-    pub(super) const BRANCH_CONDITIONAL: u32 = 250;
-    pub(super) const SWITCH: u32 = 251;
-    pub(super) const RETURN_VALUE: u32 = 254;
-    pub(super) const UNREACHABLE: u32 = 255;
-    pub(super) const TYPE_RAY_QUERY: u32 = 4472;
-    pub(super) const TYPE_ACCELERATION_STRUCTURE: u32 = 5341;
+/// Instructions that are read or written here and in `initialised`, by their numbers.
+pub(super) mod op {
+    macro_rules! numbers {
+        ($($name:ident = $number:literal),+ $(,)?) => { $(pub(in super::super) const $name: u32 = $number;)+ };
+    }
+    numbers! {
+        UNDEF = 1,
+        NAME = 5,
+        MEMBER_NAME = 6,
+        STRING = 7,
+        EXT_INST_IMPORT = 11,
+        ENTRY_POINT = 15,
+        TYPE_VOID = 19,
+        TYPE_BOOL = 20,
+        TYPE_INT = 21,
+        TYPE_FLOAT = 22,
+        TYPE_VECTOR = 23,
+        TYPE_MATRIX = 24,
+        TYPE_ARRAY = 28,
+        TYPE_STRUCT = 30,
+        TYPE_POINTER = 32,
+        TYPE_FUNCTION = 33,
+        TYPE_FORWARD_POINTER = 39,
+        CONSTANT_TRUE = 41,
+        CONSTANT_FALSE = 42,
+        CONSTANT = 43,
+        CONSTANT_NULL = 46,
+        SPEC_CONSTANT = 50,
+        SPEC_CONSTANT_OP = 52,
+        FUNCTION = 54,
+        FUNCTION_PARAMETER = 55,
+        FUNCTION_END = 56,
+        FUNCTION_CALL = 57,
+        VARIABLE = 59,
+        LOAD = 61,
+        STORE = 62,
+        DECORATE = 71,
+        MEMBER_DECORATE = 72,
+        LOGICAL_EQUAL = 164,
+        LOGICAL_NOT_EQUAL = 165,
+        LOGICAL_OR = 166,
+        LOGICAL_AND = 167,
+        LOGICAL_NOT = 168,
+        SELECT = 169,
+        I_EQUAL = 170,
+        I_NOT_EQUAL = 171,
+        BITWISE_OR = 197,
+        PHI = 245,
+        LOOP_MERGE = 246,
+        SELECTION_MERGE = 247,
+        LABEL = 248,
+        BRANCH = 249,
+        BRANCH_CONDITIONAL = 250,
+        SWITCH = 251,
+        RETURN = 253,
+        RETURN_VALUE = 254,
+        UNREACHABLE = 255,
+        TYPE_RAY_QUERY = 4472,
+        TYPE_ACCELERATION_STRUCTURE = 5341,
+    }
 }
 
 const DECORATION_SPEC_ID: u32 = 1;
@@ -71,14 +90,14 @@ pub(super) fn specialised<'a>(words: &'a [u32], constants: &[u32]) -> Cow<'a, [u
 }
 
 /// One instruction, its first word included.
-type Line<'a> = &'a [u32];
+pub(super) type Line<'a> = &'a [u32];
 
-fn op_of(line: Line<'_>) -> u32 {
+pub(super) fn op_of(line: Line<'_>) -> u32 {
     line.first().map_or(0, |first| first & 0xFFFF)
 }
 
 /// A word of an instruction; 0, which is no id, where it has no such word.
-fn word(line: Line<'_>, at: usize) -> u32 {
+pub(super) fn word(line: Line<'_>, at: usize) -> u32 {
     line.get(at).copied().unwrap_or(0)
 }
 

@@ -34,6 +34,8 @@ pub struct Candidate {
     missing: [Vec<String>; 3],
     /// Whether it supports f64 natively.
     pub native_f64: bool,
+    /// Whether its driver tells what its compiler counts (`VK_KHR_pipeline_executable_properties`).
+    pub statistics: bool,
     pub(super) physical: vk::PhysicalDevice,
     pub(super) memory_budget: bool,
     pub(super) portability_subset: bool,
@@ -88,6 +90,7 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
         driver: format!("Vulkan {}", spelled(version)),
         missing: [(); 3].map(|()| vec![missing.clone()]),
         native_f64: false,
+        statistics: false,
         physical,
         memory_budget: false,
         portability_subset: false,
@@ -115,6 +118,7 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
     let mut acceleration = vk::PhysicalDeviceAccelerationStructureFeaturesKHR::default();
     let mut pipeline = vk::PhysicalDeviceRayTracingPipelineFeaturesKHR::default();
     let mut query = vk::PhysicalDeviceRayQueryFeaturesKHR::default();
+    let mut executables = vk::PhysicalDevicePipelineExecutablePropertiesFeaturesKHR::default();
     let mut features = vk::PhysicalDeviceFeatures2::default().push_next(&mut vulkan12);
     // A structure must not be queried where the device does not have its extension.
     if has_acceleration {
@@ -125,6 +129,9 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
     }
     if has(khr::ray_query::NAME) {
         features = features.push_next(&mut query);
+    }
+    if has(khr::pipeline_executable_properties::NAME) {
+        features = features.push_next(&mut executables);
     }
     // SAFETY: the chain holds structures of version 1.2 and of extensions that the device has.
     unsafe { calls.get_physical_device_features2(physical, &mut features) };
@@ -162,6 +169,7 @@ fn probe(calls: &ash::Instance, physical: vk::PhysicalDevice) -> Candidate {
         ),
         missing: missing(&has, &bits),
         native_f64: core.shader_float64 != 0,
+        statistics: executables.pipeline_executable_info != 0,
         physical,
         memory_budget: has(ash::ext::memory_budget::NAME),
         portability_subset: has(khr::portability_subset::NAME),
