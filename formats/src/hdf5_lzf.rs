@@ -49,7 +49,7 @@ mod tests {
     #[test]
     fn pieces_may_overlap_themselves() {
         // `ab`, 4 bytes from 2 before, 9 bytes from 1 before.
-        assert_eq!(decode(&[1, b'a', b'b', 2 << 5, 1, 7 << 5, 0, 0], 100).unwrap(), b"abababbbbbbbbb");
+        assert_eq!(decode(&[1, b'a', b'b', 2 << 5, 1, 7 << 5, 0, 0], 100).unwrap(), b"abababbbbbbbbbb");
         for bad in [&[3u8, 1][..], &[1 << 5], &[1 << 5, 9], &[7 << 5, 1]] {
             assert!(decode(bad, 100).is_err(), "{bad:?}");
         }
