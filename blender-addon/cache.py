@@ -25,7 +25,9 @@ def is_compressed(path):
 
 def file_name(source, choice):
     """Name of the compressed form of `source` read with `choice` (a dict of plain values)."""
-    state = json.dumps([os.path.basename(source), _state(source), choice], sort_keys=True)
+    # A table of joined ids is read as the source is.
+    tables = [_state(choice["relabel"])] if os.path.isfile(choice.get("relabel", "")) else []
+    state = json.dumps([os.path.basename(source), _state(source), choice, *tables], sort_keys=True)
     digest = hashlib.blake2b(state.encode(), digest_size=8).hexdigest()
     stem = os.path.basename(os.path.normpath(source))
     for ending in (".nii.gz", ".seg.nrrd"):
@@ -68,4 +70,20 @@ def _state(source):
         status = os.stat(source)
         return [status.st_size, status.st_mtime_ns]
     with os.scandir(source) as entries:
-        return sorted([e.name, e.stat().st_size, e.stat().st_mtime_ns] for e in entries if e.is_file())
+        flat = sorted([e.name, e.stat().st_size, e.stat().st_mtime_ns] for e in entries if e.is_file())
+    below = _state_below(source)
+    return [flat, below] if below else flat
+
+
+def _state_below(source):
+    """A hash of name, size and modification time of every file in the folders of a store; empty where there are none. Links are not followed."""
+    digest, count = hashlib.blake2b(digest_size=16), 0
+    for folder, folders, files in os.walk(source):
+        folders.sort()
+        if folder == source:
+            continue
+        for name in sorted(files):
+            status = os.lstat(os.path.join(folder, name))
+            digest.update(f"{os.path.relpath(folder, source)}\0{name}\0{status.st_size}\0{status.st_mtime_ns}\0".encode(errors="surrogateescape"))
+            count += 1
+    return digest.hexdigest() if count else ""

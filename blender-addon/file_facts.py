@@ -16,7 +16,9 @@ from . import cache, native
 from .reports import one_line
 
 # What a file may leave open, by the keyword of `pumice.compress` that answers it.
-KEYWORDS = ("layer", "time", "channel", "array", "axes")
+KEYWORDS = ("layer", "time", "channel", "array", "axes", "label", "dataset", "scale")
+# Files by which the folder of a store can be chosen.
+DESCRIPTIONS = ("zarr.json", ".zarray", ".zgroup", ".zattrs", "info", "attributes.json")
 # A longer menu does not fit on a screen: a number is typed instead.
 MOST_IN_MENU = 64
 # Files whose lines are shown one by one.

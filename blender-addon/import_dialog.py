@@ -18,11 +18,21 @@ from bpy_extras.io_utils import ImportHelper
 from . import cache, file_facts
 
 AXES = (
-    ("file", "As the File Says", "All formats but NumPy's say which axis is which; arrays are taken as x, y, z, with a warning", 0),
+    ("file", "As the File Says", "Arrays of NumPy, and plain ones of Zarr and HDF5, do not say which axis is which; a warning tells what is assumed", 0),
     ("xyz", "X, Y, Z", "An array a[x, y, z], as of nibabel and pynrrd. The wrong order mirrors the volume", 1),
     ("zyx", "Z, Y, X", "An array a[z, y, x], as of tifffile, scikit-image and napari. The wrong order mirrors the volume", 2),
 )
-NAMES = {"layer": "Layer", "time": "Time Step", "channel": "Channel", "array": "Array"}
+NAMES = {
+    "dataset": "Data Set",
+    "label": "Label Image",
+    "scale": "Level",
+    "layer": "Layer",
+    "time": "Time Step",
+    "channel": "Channel",
+    "array": "Array",
+}
+# Choices whose answer is a text; those of the others are numbers.
+TEXTS = ("array", "dataset", "label")
 # The dialog in pixels at a scale of 1, and the letters that fit into one of its lines.
 DIALOG_PIXELS = 460
 LINE_LETTERS = 70
@@ -41,7 +51,7 @@ def _menu(keyword):
 
     def choose(properties, number):
         value = _facts.menu(keyword)[number][0]
-        setattr(properties, keyword, value if keyword == "array" else int(value))
+        setattr(properties, keyword, value if keyword in TEXTS else int(value))
 
     return EnumProperty(
         name=NAMES[keyword],
@@ -51,6 +61,12 @@ def _menu(keyword):
         set=choose,
         options={"SKIP_SAVE", "HIDDEN"},
     )
+
+
+def _store_of(path):
+    """The folder of a store whose description was chosen, since the file browser chooses files; any other path as it is."""
+    folder, name = os.path.split(path)
+    return folder if name in file_facts.DESCRIPTIONS and os.path.isfile(path) else path
 
 
 class ImportDialog(ImportHelper):
@@ -79,11 +95,36 @@ class ImportDialog(ImportHelper):
     array: StringProperty(
         name="Array", description="Array to read, if the file has several; empty if it has one", default="", options={"SKIP_SAVE"}
     )
-    axes: EnumProperty(name="Axes", description="Order of the axes of a NumPy array", items=AXES, default="file", options={"SKIP_SAVE"})
+    dataset: StringProperty(
+        name="Data Set", description="Data set to read, if the file or folder has several; empty if it has one", default="", options={"SKIP_SAVE"}
+    )
+    label: StringProperty(
+        name="Label Image", description="Label image to read, if the picture has several; empty if it has one", default="", options={"SKIP_SAVE"}
+    )
+    scale: IntProperty(
+        name="Level", description="Level of detail to read, if the volume has several, 0 the finest; -1 if it has one", min=-1, default=-1, options={"SKIP_SAVE"}
+    )
+    roi: StringProperty(
+        name="Region",
+        description="Read only these voxels, X0:X1,Y0:Y1,Z0:Z1, such as 0:512,100:200,: for large volumes; empty reads all",
+        default="",
+        options={"SKIP_SAVE"},
+    )
+    relabel: StringProperty(
+        name="Join Ids",
+        description="Table of pairs supervoxel, segment, CSV, TSV or .npy: what has the first id gets the second while the volume is read",
+        subtype="FILE_PATH",
+        default="",
+        options={"SKIP_SAVE"},
+    )
+    axes: EnumProperty(name="Axes", description="Order of the axes of an array whose file does not say it", items=AXES, default="file", options={"SKIP_SAVE"})
     layer_menu: _menu("layer")
     time_menu: _menu("time")
     channel_menu: _menu("channel")
     array_menu: _menu("array")
+    dataset_menu: _menu("dataset")
+    label_menu: _menu("label")
+    scale_menu: _menu("scale")
 
     _browsing = False
     asked = False
@@ -104,13 +145,23 @@ class ImportDialog(ImportHelper):
     def ask(self):
         """Reads the headers, and sets what they leave open to the first answer where it is not set."""
         global _facts
-        _facts = file_facts.Facts(self.paths(), lambda path, choice: cache.existing(self.places(path, choice)) is not None)
+        kept = {}
+
+        def is_kept(path, choice):
+            # Asked at each drawing, and the files of a store are counted for it.
+            key = path, repr(sorted(choice.items()))
+            if key not in kept:
+                kept[key] = cache.existing(self.places(path, choice)) is not None
+            return kept[key]
+
+        _facts = file_facts.Facts(self.paths(), is_kept)
         self.asked = True
-        for keyword in ("layer", "time", "channel"):
+        for keyword in ("layer", "time", "channel", "scale"):
             if getattr(self, keyword) < 0 and _facts.open_choice(keyword) is not None:
                 setattr(self, keyword, 0)
-        if not self.array and _facts.menu("array"):
-            self.array = _facts.menu("array")[0][0]
+        for keyword in TEXTS:
+            if not getattr(self, keyword) and _facts.menu(keyword):
+                setattr(self, keyword, _facts.menu(keyword)[0][0])
         axes = _facts.open_choice("axes")
         if self.axes == "file" and axes is not None:
             self.axes = axes["assumed"]
@@ -138,6 +189,9 @@ class ImportDialog(ImportHelper):
         column.prop(self, "use_spacing", text="")
         if self.use_spacing:
             column.prop(self, "spacing", text="Size")
+        column = layout.column(heading="Part")
+        column.prop(self, "roi")
+        column.prop(self, "relabel")
         self.draw_options(context, layout)
 
     # Inside
@@ -151,7 +205,7 @@ class ImportDialog(ImportHelper):
         for keyword in NAMES:
             choice = _facts.open_choice(keyword)
             if choice is not None:
-                fits = keyword == "array" or choice["count"] <= file_facts.MOST_IN_MENU
+                fits = keyword in TEXTS or choice["count"] <= file_facts.MOST_IN_MENU
                 layout.prop(self, f"{keyword}_menu" if fits else keyword, text=NAMES[keyword])
         if _facts.open_choice("axes") is not None:
             # Buttons have no place for a name in a split layout.
@@ -182,12 +236,13 @@ class ImportDialog(ImportHelper):
         """Absolute paths of the files."""
         names = [f.name for f in self.files if f.name]
         paths = [os.path.join(self.directory, n) for n in names] if self.directory and names else [self.filepath]
-        return [os.path.abspath(bpy.path.abspath(p)) for p in paths]
+        return [_store_of(os.path.abspath(bpy.path.abspath(p))) for p in paths]
 
     def _choice(self):
-        choice = {n: getattr(self, n) for n in ("layer", "time", "channel") if getattr(self, n) >= 0}
-        if self.array:
-            choice["array"] = self.array
+        choice = {n: getattr(self, n) for n in ("layer", "time", "channel", "scale") if getattr(self, n) >= 0}
+        choice |= {n: getattr(self, n) for n in (*TEXTS, "roi") if getattr(self, n)}
+        if self.relabel:
+            choice["relabel"] = os.path.abspath(bpy.path.abspath(self.relabel))
         if self.axes != "file":
             choice["axes"] = self.axes
         if self.use_spacing:

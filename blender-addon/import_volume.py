@@ -16,11 +16,13 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from . import first_look, label_files, label_table, native, opening, proxy_update, registry, units, viewport, volume_object
+from . import file_facts, first_look, label_files, label_table, native, opening, proxy_update, registry, units, viewport, volume_object
 from .background import InBackground, Work
 from .import_dialog import ImportDialog
 
-ENDINGS = (".pumice", ".nrrd", ".nhdr", ".nii", ".gz", ".hdr", ".tif", ".tiff", ".npy", ".npz", ".mha", ".mhd")
+ENDINGS = (".pumice", ".nrrd", ".nhdr", ".nii", ".gz", ".hdr", ".tif", ".tiff", ".npy", ".npz", ".mha", ".mhd", ".h5", ".hdf5", ".hdf")
+# Folders, which can be dropped; in the file browser a file in them stands for them.
+FOLDER_ENDINGS = (".zarr", ".n5", ".precomputed")
 PLACEMENTS = (
     ("CENTER", "Centered", "The middle of the volume comes to the scene's origin; several files keep their places to each other", 0),
     ("ALIGN", "With the First Volume", "Scaled and moved as the first volume of the scene: crops of one data set fit together", 1),
@@ -37,7 +39,7 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
     bl_options = {"UNDO", "PRESET"}
 
     filename_ext = ""
-    filter_glob: StringProperty(default=";".join("*" + e for e in ENDINGS), options={"HIDDEN"})
+    filter_glob: StringProperty(default=";".join(["*" + e for e in ENDINGS + FOLDER_ENDINGS] + list(file_facts.DESCRIPTIONS)), options={"HIDDEN"})
 
     longest_side: FloatProperty(
         name="Longest Side",
@@ -172,7 +174,7 @@ class PUMICE_FH_volume(bpy.types.FileHandler):
     bl_idname = "PUMICE_FH_volume"
     bl_label = "Label Volume"
     bl_import_operator = "pumice.import_volume"
-    bl_file_extensions = ";".join(ENDINGS)
+    bl_file_extensions = ";".join(ENDINGS + FOLDER_ENDINGS)
 
     @classmethod
     def poll_drop(cls, context):

@@ -6,6 +6,7 @@ numpy's indices are the oracle of the order of axes, matrices in the files that 
 """
 
 import importlib
+import json
 import types
 
 import bpy
@@ -244,7 +245,8 @@ def dialog(blender, extension):
     asks, operator = load("import_dialog").ImportDialog, load("import_volume").PUMICE_OT_import_volume
 
     class Dialog:
-        layer = time = channel = -1
+        layer = time = channel = scale = -1
+        dataset = label = roi = relabel = ""
         array, axes, use_spacing, spacing, _browsing, asked = "", "file", False, (1.0, 1.0, 1.0), False, False
         ask, paths, places, choice_of, _choice, _draw_facts, draw = (
             vars(asks)[name] for name in ("ask", "paths", "places", "choice_of", "_choice", "_draw_facts", "draw")
@@ -267,10 +269,61 @@ def dialog(blender, extension):
 
         def asked_for(self):
             return {entry[1] for entry in self.drawn() if entry[0] in ("prop", "enum")} & {
-                "layer", "time", "channel", "axes", "layer_menu", "time_menu", "channel_menu", "array_menu"
+                "layer", "time", "channel", "axes", "layer_menu", "time_menu", "channel_menu", "array_menu",
+                "dataset_menu", "label_menu", "scale_menu",
             }  # fmt: skip
 
     return Dialog
+
+
+def store(folder, array):
+    """Writes an array[x, y, z] as a Neuroglancer volume of two levels, the second every other voxel along x, with a chunk each."""
+    folder.mkdir()
+    scales = []
+    for key, part, resolution in [("fine", array, [4, 4, 40]), ("coarse", array[::2], [8, 4, 40])]:
+        chunk = {"chunk_sizes": [[64, 64, 64]], "encoding": "raw"}
+        scales.append({"key": key, "size": part.shape, "resolution": resolution, "voxel_offset": [0, 0, 0]} | chunk)
+        (folder / key).mkdir()
+        (folder / key / "_".join(f"0-{n}" for n in part.shape)).write_bytes(part.astype("<u2").tobytes(order="F"))
+    (folder / "info").write_text(json.dumps({"type": "segmentation", "data_type": "uint16", "num_channels": 1, "scales": scales}))
+    return folder
+
+
+def test_a_store_is_imported_by_its_folder_and_by_the_file_that_describes_it(dialog, tmp_path):
+    folder = store(tmp_path / "a.precomputed", some_labels())
+    shown = dialog(folder)
+    assert shown.asked_for() == {"scale_menu"} and shown.scale == 0 and shown.lines()[0] == "5 × 4 × 3 voxels of u16, each 4 × 4 × 40 nm"
+    shown.scale = 1
+    assert shown.lines()[0].startswith("3 × 4 × 3 voxels")
+    shown.roi = "0:2,1:,:"
+    assert shown.lines()[0].startswith("2 × 3 × 3 voxels")
+    shown.roi = "0:9,:,:"
+    assert "outside the volume" in " ".join(shown.lines(warnings=True))
+    (whole,) = imported(folder, scale=0)
+    assert np.array_equal(pumice.open(whole.pumice.filepath).decode(), some_labels())
+    part = some_labels()[::2][0:2, :, 1:]
+    joined = part.max()
+    (tmp_path / "pairs.csv").write_text(f"{joined},7\n")
+    assert bpy.ops.pumice.import_volume(
+        filepath=str(folder / "info"), scale=1, roi="0:2,:,1:", relabel=str(tmp_path / "pairs.csv")
+    ) == {"FINISHED"}  # fmt: skip
+    obj = bpy.context.view_layer.objects.active
+    assert obj.pumice.source_path == str(folder)
+    assert np.array_equal(pumice.open(obj.pumice.filepath).decode(), np.where(part == joined, 7, part))
+    # Other pairs are another volume, and so is a changed chunk.
+    cache = importlib.import_module(dialog.draw_options.__module__.rsplit(".", 1)[0] + ".cache")
+    choice = {"relabel": str(tmp_path / "pairs.csv")}
+    names = [cache.file_name(str(folder), choice)]
+    (tmp_path / "pairs.csv").write_text(f"{joined},77\n")
+    names.append(cache.file_name(str(folder), choice))
+    (folder / "fine" / "0-5_0-4_0-3").write_bytes(b"")
+    names.append(cache.file_name(str(folder), choice))
+    assert len(set(names)) == 3
+
+
+def test_folders_of_stores_can_be_dropped(blender, extension):
+    endings = importlib.import_module(f"{extension.__name__}.import_volume").PUMICE_FH_volume.bl_file_extensions.split(";")
+    assert {".zarr", ".n5", ".precomputed", ".h5", ".nrrd"} <= set(endings)
 
 
 def test_the_dialog_says_what_the_header_says_and_asks_what_it_leaves_open(dialog, tmp_path):

@@ -46,7 +46,8 @@ impl LabelBuffer {
 
 /// A box of voxels in a volume, in any memory order.
 ///
-/// Voxel (x, y, z), counted from the block's lowest corner, is `labels[x·strides[0] + y·strides[1] + z·strides[2]]`.
+/// Voxel (x, y, z), counted from the block's lowest corner, is `labels[x·strides[0] + y·strides[1] + z·strides[2]]`. With strides of 0 a block
+/// has one label throughout, and holds it once.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct LabelBlock {
     /// The block's lowest voxel in the volume.

@@ -197,7 +197,12 @@ impl<T: Label> Scan<'_, T> {
     fn part(&self, volume_dims: [u32; 3]) -> Result<SortedCells> {
         self.check(volume_dims)?;
         let mut records = Records::new();
-        self.run(&mut records);
+        // A chunk that a store lacks is background throughout, and there may be millions of them.
+        let is_background =
+            self.strides == [0; 3] && self.labels.first().is_some_and(|&label| label.into() == 0);
+        if !is_background {
+            self.run(&mut records);
+        }
         Ok(records.into_part())
     }
 
@@ -318,6 +323,22 @@ mod tests {
             let naive = (0..64).filter(|&v| labels[v] == 2).fold(0u64, |m, v| m | 1 << v);
             assert_eq!(equal_mask(&labels, 2), naive);
         }
+    }
+
+    #[test]
+    fn a_block_of_one_label_needs_one_label_in_memory() {
+        let dims = [9, 6, 5];
+        for id in [0u32, 7] {
+            let one =
+                LabelBlock { origin: [0; 3], dims, strides: [0; 3], labels: LabelBuffer::U32(vec![id]) };
+            let all = LabelBlock::x_fastest([0; 3], dims, LabelBuffer::U32(vec![id; 270]));
+            let part = |block| SortedCells::from_block(block, dims).unwrap();
+            assert_eq!(part(&one).voxels(), if id == 0 { 0 } else { 270 });
+            assert_eq!(part(&one).voxels(), part(&all).voxels());
+        }
+        let beyond =
+            LabelBlock { origin: [1, 0, 0], dims, strides: [0; 3], labels: LabelBuffer::U32(vec![0]) };
+        assert!(SortedCells::from_block(&beyond, dims).is_err());
     }
 
     #[test]

@@ -1,7 +1,8 @@
 //! Prints a volume's header as JSON and writes its voxels as little-endian u64, x fastest, to a file, for comparisons with other readers.
 //!
-//! `dump_volume FILE VOXELS.bin [--layer N] [--time N] [--channel N] [--array NAME] [--zyx] [--raw X,Y,Z,TYPE]`. It keeps the whole volume
-//! in memory, which the library never does. With `-` instead of VOXELS.bin it reads the blocks and drops them.
+//! `dump_volume FILE VOXELS.bin [--layer N] [--time N] [--channel N] [--array NAME] [--zyx] [--raw X,Y,Z,TYPE] [--scale LEVEL] [--roi REGION]
+//! [--label NAME] [--dataset PATH] [--missing-chunks MEANING] [--relabel TABLE]`. It keeps the whole volume in memory, which the library
+//! never does. With `-` instead of VOXELS.bin it reads the blocks and drops them.
 
 use std::io::Write as _;
 use std::path::Path;
@@ -47,6 +48,12 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
             "--channel" => options.channel = Some(value.parse()?),
             "--raw" => options.raw = Some(raw_layout(value)?),
             "--array" => options.array = Some(value.clone()),
+            "--scale" => options.scale = Some(value.parse()?),
+            "--roi" => options.roi = Some(value.parse()?),
+            "--label" => options.label = Some(value.clone()),
+            "--dataset" => options.dataset = Some(value.clone()),
+            "--missing-chunks" => options.missing_chunks = Some(value.parse()?),
+            "--relabel" => options.relabel = Some(value.into()),
             _ => return Err(format!("unknown option {name}").into()),
         }
     }
@@ -58,7 +65,7 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
     let mut voxels = vec![0u64; if keep { dims.iter().product() } else { 0 }];
     let (mut count, mut largest_block) = (0u64, 0usize);
     while let Some(block) = source.next_block()? {
-        count += block.labels.len() as u64;
+        count += block.dims.iter().map(|&d| u64::from(d)).product::<u64>();
         largest_block = largest_block.max(block.labels.len());
         if !keep {
             continue;

@@ -2,7 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::TargetError;
+use pumice_core::{NoMemory, TargetError};
 
 /// A failure of opening, reading or writing a label volume in a foreign format.
 #[derive(Debug, thiserror::Error)]
@@ -136,6 +136,9 @@ pub enum FormatError {
         /// The limit.
         limit: u64,
     },
+    /// Memory is short.
+    #[error(transparent)]
+    Memory(NoMemory),
 }
 
 /// Formats as " (byte N of the file)" if N is known, else as nothing.
@@ -151,6 +154,11 @@ impl FormatError {
     /// Makes a function for `map_err` that wraps an error of the system in [`FormatError::Io`] for `path`.
     pub(crate) fn io(path: &Path) -> impl Fn(std::io::Error) -> Self + '_ {
         move |source| Self::Io { path: path.to_owned(), source }
+    }
+
+    /// Makes a function for `map_err` that says which file needs the memory.
+    pub(crate) fn memory(path: &Path) -> impl Fn(NoMemory) -> Self + '_ {
+        move |error| Self::Memory(error.of_file(path))
     }
 
     /// Makes a [`FormatError::Damaged`] without a byte offset.

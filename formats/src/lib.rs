@@ -1,13 +1,14 @@
 #![forbid(unsafe_code)]
-//! Reads label volumes from foreign files (NRRD, NIfTI, TIFF, NPY/NPZ, MetaImage and raw) block by block and writes them; reads triangle
-//! meshes ([`mesh`]); reads and writes tables of labels ([`label_tables`]).
+//! Reads label volumes from foreign files (NRRD, NIfTI, TIFF, NPY/NPZ, MetaImage, HDF5 and raw) and stores of chunks (Zarr, OME-Zarr,
+//! Neuroglancer precomputed, N5) block by block and writes some of them; reads triangle meshes ([`mesh`]); reads and writes tables of labels
+//! ([`label_tables`]).
 //!
 //! ```text
 //! open ──► registry ──► one module a format ──► VolumeFile: info, axes, element type, byte stream ──► SlabSource ──► LabelBlock
 //!          (content)    (header only)                                                                 (shared by all)
 //! ```
 //! A format module understands its own header and depends neither on other formats nor on its caller. The code that touches voxels is
-//! shared: `stream` turns a file into the plain bytes of the voxels, `layout` maps each byte to a voxel, `element` turns bytes into labels
+//! shared: `chunks` puts the chunks of a store together; `stream` turns a file into the plain bytes of the voxels, `layout` maps each byte to a voxel, `element` turns bytes into labels
 //! and refuses values that are not labels, and `slab` combines these with bounded memory.
 
 pub mod error;
@@ -17,13 +18,27 @@ pub mod open;
 pub mod options;
 pub mod write;
 
+mod array_axes;
+mod array_place;
 mod choice;
+mod chunks;
+mod compressed_segmentation;
 mod element;
 mod gzip;
+#[cfg(feature = "hdf5")]
+mod hdf5;
+#[cfg(feature = "hdf5")]
+mod hdf5_datasets;
+mod hdf5_format;
+#[cfg(feature = "hdf5")]
+mod hdf5_lzf;
 mod header_text;
 mod layout;
+mod levels;
 mod metaimage;
 mod metaimage_header;
+mod n5;
+mod n5_block;
 mod nifti;
 mod nifti_header;
 mod npy;
@@ -31,13 +46,22 @@ mod npy_header;
 mod npz;
 mod nrrd;
 mod nrrd_header;
+#[cfg(feature = "zarr")]
+mod ome_zarr;
 mod orientation;
 mod placement;
 mod ply;
+mod precomputed;
+mod precomputed_info;
+mod precomputed_shards;
 mod raw;
+mod region;
 mod registry;
+mod relabel;
 mod slab;
 mod slice_numbers;
+mod store_options;
+mod stores;
 mod stream;
 mod text_stream;
 mod tiff;
@@ -52,13 +76,24 @@ mod write_npy;
 mod write_nrrd;
 mod write_ply;
 mod write_tiff;
+#[cfg(feature = "zarr")]
+mod zarr;
+#[cfg(feature = "zarr")]
+mod zarr_chunks;
+#[cfg(feature = "zarr")]
+mod zarr_files;
+mod zarr_format;
+#[cfg(feature = "zarr")]
+mod zarr_node;
+#[cfg(feature = "zarr")]
+mod zarr_shards;
 
 pub use choice::{ChoiceValue, OpenChoice};
 pub use error::FormatError;
 pub use label_tables::{LabelTableFile, LabelTableFormat, read_label_table, write_label_table};
 pub use mesh::open_mesh;
 pub use open::{Probe, open, probe};
-pub use options::{ArrayAxes, OpenOptions, RawLayout, Recorded, Warnings};
+pub use options::{ArrayAxes, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings};
 pub use orientation::orientation;
 pub use volume_file::Layer;
 pub use write_ply::write_mesh;

@@ -18,11 +18,10 @@ use crate::options::{OpenOptions, Warnings};
 use crate::placement;
 use crate::stream::{ByteStream, ChainedStream, PlainStream, detached_files, open_file};
 use crate::text_stream::TextStream;
-use crate::volume_file::{Format, OpenStream, VolumeFile};
+use crate::volume_file::{Format, OpenStream, Takes, VolumeFile, Voxels};
 
 /// MetaImage files.
-pub(crate) const FORMAT: Format =
-    Format { name: "MetaImage", asks_axes: false, has_arrays: false, recognises, read };
+pub(crate) const FORMAT: Format = Format { name: "MetaImage", takes: Takes::NOTHING, recognises, read };
 
 /// Whether a file is a MetaImage. The format has no magic number, so its first fields decide, or else the file's name.
 fn recognises(path: &Path, head: &[u8]) -> bool {
@@ -67,7 +66,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices,
-        stream,
+        voxels: Voxels::Stream(stream),
     })
 }
 

@@ -21,11 +21,10 @@ use crate::nifti_header::{self, MAX_BYTES, NiftiHeader};
 use crate::options::{OpenOptions, Warnings};
 use crate::placement;
 use crate::stream::{ByteStream, PlainStream, open_file};
-use crate::volume_file::{Format, VolumeFile};
+use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
 
 /// NIfTI files.
-pub(crate) const FORMAT: Format =
-    Format { name: "NIfTI", asks_axes: false, has_arrays: false, recognises, read };
+pub(crate) const FORMAT: Format = Format { name: "NIfTI", takes: Takes::NOTHING, recognises, read };
 
 /// Whether a file is NIfTI: by its first bytes (inflated if necessary), or else by its name.
 fn recognises(path: &Path, head: &[u8]) -> bool {
@@ -91,7 +90,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices,
-        stream: Box::new(move || {
+        voxels: Voxels::Stream(Box::new(move || {
             if gzip {
                 let mut stream = InflateStream::open(&data_path, 0, Wrapping::Gzip, &warnings)?;
                 stream.skip(offset)?;
@@ -99,7 +98,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             } else {
                 Ok(Box::new(PlainStream::open(&data_path, offset)?))
             }
-        }),
+        })),
     })
 }
 

@@ -19,13 +19,12 @@ use crate::npy_header::{self, NpyHeader};
 use crate::options::{ArrayAxes, OpenOptions};
 use crate::placement;
 use crate::stream::{ByteStream, PlainStream, open_file};
-use crate::volume_file::{Format, VolumeFile};
+use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
 
 /// NPY files.
 pub(crate) const FORMAT: Format = Format {
     name: "NPY",
-    asks_axes: true,
-    has_arrays: false,
+    takes: Takes { axes: true, ..Takes::NOTHING },
     recognises: |_, head| head.starts_with(npy_header::MAGIC),
     read,
 };
@@ -155,13 +154,13 @@ impl Array {
             element: self.element,
             layers: Vec::new(),
             choices: self.choices,
-            stream: Box::new(stream),
+            voxels: Voxels::Stream(Box::new(stream)),
         }
     }
 }
 
 /// Parses a type such as `'<u4'`. Booleans are stored as bytes 0 and 1.
-fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
+pub(crate) fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
     let refused = |what: &str| {
         Err(FormatError::unsupported(
             path,

@@ -20,7 +20,7 @@ use crate::npy::Array;
 use crate::npy_header::{self, NpyHeader};
 use crate::options::{OpenOptions, Warnings};
 use crate::stream::{ByteStream, PlainStream, open_file};
-use crate::volume_file::{Format, VolumeFile};
+use crate::volume_file::{Format, Takes, VolumeFile};
 
 /// First bytes of an archive with members, and of one without.
 const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
@@ -28,8 +28,7 @@ const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
 /// NPZ files.
 pub(crate) const FORMAT: Format = Format {
     name: "NPZ",
-    asks_axes: true,
-    has_arrays: true,
+    takes: Takes { axes: true, array: true, ..Takes::NOTHING },
     recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)),
     read,
 };

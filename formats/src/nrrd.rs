@@ -18,19 +18,14 @@ use crate::options::{OpenOptions, Warnings};
 use crate::placement;
 use crate::stream::{ByteStream, ChainedStream, CountingFile, PlainStream, detached_files, open_file};
 use crate::text_stream::TextStream;
-use crate::volume_file::{Format, Layer, OpenStream, VolumeFile};
+use crate::volume_file::{Format, Layer, OpenStream, Takes, VolumeFile, Voxels};
 
 /// First bytes of a file, before its version.
 const MAGIC: &[u8] = b"NRRD";
 
 /// NRRD files.
-pub(crate) const FORMAT: Format = Format {
-    name: "NRRD",
-    asks_axes: false,
-    has_arrays: false,
-    recognises: |_, head| head.starts_with(MAGIC),
-    read,
-};
+pub(crate) const FORMAT: Format =
+    Format { name: "NRRD", takes: Takes::NOTHING, recognises: |_, head| head.starts_with(MAGIC), read };
 
 /// Reads the header of `path`.
 fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
@@ -90,7 +85,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers,
         choices,
-        stream,
+        voxels: Voxels::Stream(stream),
     })
 }
 

@@ -5,12 +5,15 @@ use std::path::Path;
 use pumice_core::{BlockSource, VolumeInfo};
 
 use crate::choice::OpenChoice;
+use crate::chunks::ChunkSource;
 use crate::error::FormatError;
 use crate::options::OpenOptions;
 use crate::orientation::orientation;
+use crate::region::{self, RegionSource};
 use crate::registry;
+use crate::relabel::{self, JoinedSource, Joins};
 use crate::slab::SlabSource;
-use crate::volume_file::Layer;
+use crate::volume_file::{Layer, Voxels};
 
 /// The content of a file's header.
 #[derive(Clone, Debug)]
@@ -42,9 +45,29 @@ pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn B
     if let Some(open) = file.choices.iter().find(|choice| choice.assumed.is_none()) {
         return Err(open.undecided(path));
     }
-    let stream = (file.stream)()?;
-    let warnings = options.warnings.clone();
-    Ok(Box::new(SlabSource::new(path.to_owned(), file.info, file.layout, file.element, stream, warnings)?))
+    let region = region::resolve(path, file.info.dims, options.roi.as_ref())?;
+    let joins = options.relabel.as_deref().map(Joins::read).transpose()?;
+    let (path, warnings) = (path.to_owned(), options.warnings.clone());
+    let source: Box<dyn BlockSource> = match file.voxels {
+        Voxels::Stream(open) => {
+            let source =
+                SlabSource::new(path.clone(), file.info, file.layout, file.element, open()?, warnings)?;
+            if options.roi.is_some() {
+                Box::new(RegionSource::new(Box::new(source), region))
+            } else {
+                Box::new(source)
+            }
+        }
+        Voxels::Chunks(chunks) => {
+            let info = region::cut(&file.info, region);
+            let how = (&file.layout, file.element);
+            Box::new(ChunkSource::new(path.clone(), info, how, chunks, region, warnings)?)
+        }
+    };
+    Ok(match joins {
+        Some(joins) => Box::new(JoinedSource::new(source, joins, &path, &options.warnings)),
+        None => source,
+    })
 }
 
 /// Reads the header only.
@@ -53,15 +76,20 @@ pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn B
 /// As [`open`], but nothing need be chosen: [`Probe::choices`] has what is open.
 pub fn probe(path: &Path, options: &OpenOptions) -> std::result::Result<Probe, FormatError> {
     let file = registry::read(path, options)?;
-    let voxels = file.info.voxels();
+    let region = region::resolve(path, file.info.dims, options.roi.as_ref())?;
+    let mut info = region::cut(&file.info, region);
+    if let Some(table) = &options.relabel {
+        info = relabel::joined(&info, &Joins::read(table)?);
+    }
+    let voxels = info.voxels();
     Ok(Probe {
         format: file.format,
         encoding: file.encoding,
-        orientation: orientation(&file.info),
+        orientation: orientation(&info),
         choices: file.choices,
-        info: file.info,
+        info,
         layers: file.layers,
-        bytes_uncompressed: voxels * file.element.bytes() as u64,
+        bytes_uncompressed: voxels.saturating_mul(file.element.bytes() as u64),
         warnings: options.warnings.list(),
     })
 }

@@ -1,8 +1,11 @@
 //! Options of a caller that complete or override what a file says.
 
+use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use pumice_core::{LabelType, Outputs};
+
+pub use crate::store_options::{MissingChunks, Roi, Scale};
 
 /// How to read a file that does not fully describe itself.
 #[derive(Clone, Debug, Default)]
@@ -21,6 +24,18 @@ pub struct OpenOptions {
     pub raw: Option<RawLayout>,
     /// Meaning of the axes of a NumPy array, by default [`ArrayAxes::Xyz`] with a warning; other files say it themselves and refuse it.
     pub axes: Option<ArrayAxes>,
+    /// Which level of a file with several, by number or by the size of its voxels; the finest if none is given.
+    pub scale: Option<Scale>,
+    /// The voxels to read, of the level that is read; all if none are given. The matrix of the volume is moved to their lowest.
+    pub roi: Option<Roi>,
+    /// Name of a label image among those of an OME-Zarr picture.
+    pub label: Option<String>,
+    /// Path of a data set within a file or folder that holds several, such as `volumes/labels`.
+    pub dataset: Option<String>,
+    /// What an absent chunk of a store means; the fill value if nothing is given.
+    pub missing_chunks: Option<MissingChunks>,
+    /// Table of pairs of ids: what has the first id gets the second. See [`crate::relabel`].
+    pub relabel: Option<PathBuf>,
     /// Receives notices for the user that are not errors. Clone it before reading and list it afterwards.
     pub warnings: Warnings,
     /// What the caller will write. Readers refuse to read one of these files, also where a header names it.
@@ -45,8 +60,24 @@ impl OpenOptions {
     /// The options of the command that the caller has given, such as `--layer`.
     pub fn given(&self) -> Vec<&'static str> {
         // Taken apart by name, so that a new field cannot be forgotten here.
-        let Self { layer, time, channel, array, spacing, raw, axes, warnings: _, outputs: _, recorded: _ } =
-            self;
+        let Self {
+            layer,
+            time,
+            channel,
+            array,
+            spacing,
+            raw,
+            axes,
+            scale,
+            roi,
+            label,
+            dataset,
+            missing_chunks,
+            relabel,
+            warnings: _,
+            outputs: _,
+            recorded: _,
+        } = self;
         let all = [
             ("--layer", layer.is_some()),
             ("--time-step", time.is_some()),
@@ -55,6 +86,12 @@ impl OpenOptions {
             ("--spacing", spacing.is_some()),
             ("--axes", axes.is_some()),
             ("--raw-dims", raw.is_some()),
+            ("--scale", scale.is_some()),
+            ("--roi", roi.is_some()),
+            ("--label", label.is_some()),
+            ("--dataset", dataset.is_some()),
+            ("--missing-chunks", missing_chunks.is_some()),
+            ("--relabel", relabel.is_some()),
         ];
         all.into_iter().filter(|(_, is_given)| *is_given).map(|(option, _)| option).collect()
     }
@@ -172,11 +209,18 @@ mod tests {
             spacing: Some([1.0; 3]),
             raw: Some(raw),
             axes: Some(ArrayAxes::Xyz),
+            scale: Some(Scale::Level(0)),
+            roi: Some(Roi([[None; 2]; 3])),
+            label: Some(String::new()),
+            dataset: Some(String::new()),
+            missing_chunks: Some(MissingChunks::Fill),
+            relabel: Some(PathBuf::new()),
             warnings: Warnings::default(),
             outputs: Outputs::default(),
             recorded: Recorded::default(),
         };
-        let options = ["--layer", "--time-step", "--channel", "--array", "--spacing", "--axes", "--raw-dims"];
-        assert_eq!(all.given(), options);
+        let options = "--layer --time-step --channel --array --spacing --axes --raw-dims --scale --roi --label --dataset \
+                       --missing-chunks --relabel";
+        assert_eq!(all.given().join(" "), options);
     }
 }

@@ -85,6 +85,29 @@ pub(crate) fn from_spacing(path: &Path, spacing: [f64; 3], options: &OpenOptions
     world_from_centre(path, axes, DVec3::ZERO, options)
 }
 
+/// Metres of a unit; 1 for an unknown one.
+pub(crate) fn metres(unit: Unit) -> f64 {
+    match unit {
+        Unit::Nanometre => 1e-9,
+        Unit::Micrometre => 1e-6,
+        Unit::Millimetre => 1e-3,
+        Unit::Metre | Unit::Unknown => 1.0,
+    }
+}
+
+/// The unit in which lengths of a unit of this name are kept, and the metres of the named unit: ångströms are kept as nanometres.
+pub(crate) fn length_unit(name: &str) -> Option<(Unit, f64)> {
+    if let Some(unit) = unit_by_name(name) {
+        return Some((unit, metres(unit)));
+    }
+    Some(match name.trim().to_lowercase().as_str() {
+        "angstrom" | "ångström" => (Unit::Nanometre, 1e-10),
+        "pm" | "picometer" | "picometre" => (Unit::Nanometre, 1e-12),
+        "cm" | "centimeter" | "centimetre" => (Unit::Millimetre, 1e-2),
+        _ => return None,
+    })
+}
+
 /// A unit of length by one of the names that occur in files.
 pub(crate) fn unit_by_name(name: &str) -> Option<Unit> {
     // ImageJ's escape (`\u00B5m`), the micro sign and the Greek letter.

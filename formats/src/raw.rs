@@ -12,7 +12,7 @@ use crate::layout::Layout;
 use crate::options::{OpenOptions, RawLayout};
 use crate::placement;
 use crate::stream::{ByteStream, PlainStream, open_file};
-use crate::volume_file::VolumeFile;
+use crate::volume_file::{VolumeFile, Voxels};
 
 /// Describes the file at `path` with the layout `raw`.
 pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Result<VolumeFile> {
@@ -55,7 +55,7 @@ pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Resul
         element,
         layers: Vec::new(),
         choices: Vec::new(),
-        stream: Box::new(move || {
+        voxels: Voxels::Stream(Box::new(move || {
             if gzip {
                 let mut stream = InflateStream::open(&path, 0, Wrapping::Gzip, &warnings)?;
                 stream.skip(offset)?;
@@ -63,6 +63,6 @@ pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Resul
             } else {
                 Ok(Box::new(PlainStream::open(&path, offset)?))
             }
-        }),
+        })),
     })
 }

@@ -8,29 +8,49 @@ use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::options::OpenOptions;
 use crate::stream::open_file;
-use crate::volume_file::{Format, VolumeFile};
-use crate::{metaimage, nifti, npy, npz, nrrd, raw, tiff, tiff_folder};
+use crate::volume_file::{Format, Takes, VolumeFile};
+use crate::{
+    hdf5_format, metaimage, n5, nifti, npy, npz, nrrd, precomputed, raw, stores, tiff, tiff_folder,
+    zarr_format,
+};
 
 /// The formats in the order in which they are tried: those with a magic number come before NIfTI and MetaImage, which also go by the file's
 /// name.
-const FORMATS: [Format; 6] =
-    [nrrd::FORMAT, tiff::FORMAT, npy::FORMAT, npz::FORMAT, nifti::FORMAT, metaimage::FORMAT];
+const FORMATS: [Format; 7] = [
+    nrrd::FORMAT,
+    tiff::FORMAT,
+    npy::FORMAT,
+    npz::FORMAT,
+    hdf5_format::FORMAT,
+    nifti::FORMAT,
+    metaimage::FORMAT,
+];
+
+/// The formats that are folders, recognised by the files in them.
+const FOLDERS: [Format; 3] = [zarr_format::FORMAT, precomputed::FORMAT, n5::FORMAT];
 
 /// Number of bytes at a file's start that are used to recognise it; enough for every magic number.
 const HEAD_BYTES: u64 = 1024;
 
-/// Reads the header of a file, or of a folder of TIFF slices. Raw voxels are read where the options describe them.
+/// Reads the header of a file, or of a folder that is a store or holds TIFF slices. Raw voxels are read where the options describe them.
 pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     options.outputs.check_input(path)?;
     if let Some(layout) = &options.raw {
-        refuse_axes(path, options, "raw voxels lie with x fastest")?;
-        refuse_array(path, options, "raw voxels")?;
+        refuse_others(path, options, Takes::NOTHING, "raw voxels", "raw voxels lie with x fastest")?;
         return raw::read(path, layout, options);
     }
+    // A file dialog that cannot choose a folder chooses the file in it that describes the store.
+    let is_store = |folder: &&Path| FOLDERS.iter().any(|format| (format.recognises)(folder, &[]));
+    let path = stores::folder_of(path).filter(is_store).unwrap_or(path);
     let metadata = std::fs::metadata(path).map_err(FormatError::io(path))?;
     if metadata.is_dir() {
-        refuse_axes(path, options, "slices of a folder have x and y, and lie along z")?;
-        refuse_array(path, options, "a folder of slices")?;
+        if let Some(format) = FOLDERS.iter().find(|format| (format.recognises)(path, &[])) {
+            let what = format!("{} folders", format.name);
+            refuse_others(path, options, format.takes, &what, &format!("{what} say which axis is which"))?;
+            return (format.read)(path, options);
+        }
+        let axes = "slices of a folder have x and y, and lie along z";
+        refuse_others(path, options, Takes::NOTHING, "a folder of slices", axes)?;
         return tiff_folder::read(path, options);
     }
     let mut head = Vec::new();
@@ -40,47 +60,49 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     }
     match FORMATS.iter().find(|format| (format.recognises)(path, &head)) {
         Some(format) => {
-            if !format.asks_axes {
-                refuse_axes(path, options, &format!("{} files say which axis is which", format.name))?;
-            }
-            if !format.has_arrays {
-                refuse_array(path, options, &format!("{} files", format.name))?;
-            }
+            let what = format!("{} files", format.name);
+            refuse_others(path, options, format.takes, &what, &format!("{what} say which axis is which"))?;
             (format.read)(path, options)
         }
         None => Err(unknown(path, &guess(&head))),
     }
 }
 
-/// Refuses an order of axes for a file that does not leave it open; `why` says who decides.
-fn refuse_axes(path: &Path, options: &OpenOptions, why: &str) -> Result<()> {
-    options.axes.map_or(Ok(()), |axes| {
-        Err(FormatError::NotApplicable {
-            path: path.to_owned(),
-            option: format!("--axes {}", axes.name()),
-            why: format!("{why}; only .npy and .npz arrays leave it open"),
-        })
-    })
-}
-
-/// Refuses the name of an array for a file that is no archive of arrays.
-fn refuse_array(path: &Path, options: &OpenOptions, what: &str) -> Result<()> {
-    options.array.as_ref().map_or(Ok(()), |name| {
-        Err(FormatError::NotApplicable {
-            path: path.to_owned(),
-            option: format!("--array {}", shorten(name)),
-            why: format!("{what} have no named arrays; only .npz archives do"),
-        })
-    })
+/// Refuses the options that leave nothing to choose in a file; `what` is its kind in the plural, and `axes` says who decides their order.
+fn refuse_others(path: &Path, options: &OpenOptions, takes: Takes, what: &str, axes: &str) -> Result<()> {
+    let refuse =
+        |option: String, why: String| Err(FormatError::NotApplicable { path: path.to_owned(), option, why });
+    if let (Some(order), false) = (options.axes, takes.axes) {
+        let why =
+            format!("{axes}; only .npy and .npz arrays, HDF5 and plain Zarr and N5 arrays leave it open");
+        return refuse(format!("--axes {}", order.name()), why);
+    }
+    if let (Some(name), false) = (&options.array, takes.array) {
+        let why = format!("{what} have no named arrays; only .npz archives do");
+        return refuse(format!("--array {}", shorten(name)), why);
+    }
+    if let (Some(name), false) = (&options.dataset, takes.dataset) {
+        let why = format!("{what} hold no data sets by path; HDF5 files, Zarr and N5 folders do");
+        return refuse(format!("--dataset {}", shorten(name)), why);
+    }
+    if let (Some(name), false) = (&options.label, takes.label) {
+        let why = format!("{what} have no label images by name; only OME-Zarr folders do");
+        return refuse(format!("--label {}", shorten(name)), why);
+    }
+    if let (Some(scale), false) = (&options.scale, takes.scale) {
+        let why = format!("{what} hold one level; OME-Zarr, N5 and Neuroglancer folders may hold several");
+        return refuse(format!("--scale {scale}"), why);
+    }
+    if let (Some(missing), false) = (options.missing_chunks, takes.missing_chunks) {
+        let why = format!("{what} have no chunks that may be absent; Zarr, N5 and Neuroglancer folders do");
+        return refuse(format!("--missing-chunks {}", missing.name()), why);
+    }
+    Ok(())
 }
 
 /// A guess at what a file of unknown format is.
 fn guess(head: &[u8]) -> String {
-    const KNOWN: [(&[u8], &str); 9] = [
-        (
-            b"\x89HDF\r\n\x1a\n",
-            "HDF5, which this version does not read: export the label array as NRRD, TIFF or NPY",
-        ),
+    const KNOWN: [(&[u8], &str); 8] = [
         (b"\x89PNG", "a PNG picture"),
         (b"\xFF\xD8\xFF", "a JPEG picture"),
         (b"%PDF", "a PDF document"),
@@ -103,10 +125,12 @@ fn guess(head: &[u8]) -> String {
 
 fn unknown(path: &Path, what: &str) -> FormatError {
     let formats = FORMATS.map(|format| format.name).join(", ");
+    let folders = FOLDERS.map(|format| format.name).join(", ");
     FormatError::Unknown {
         path: path.to_owned(),
         what: format!(
-            "this is {what}; expected {formats}, a folder of TIFF slices, or raw voxels with their size and type given"
+            "this is {what}; expected {formats}, a folder ({folders}, TIFF slices), or raw voxels with their size and \
+             type given"
         ),
     }
 }

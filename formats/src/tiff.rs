@@ -14,7 +14,7 @@ use crate::stream::{ByteStream, ChainedStream, PlainStream};
 use crate::tiff_axes::{self, Axes, PageAxis};
 use crate::tiff_ifd::{Directory, TiffFile, tag};
 use crate::tiff_page::{self, Compression, Page, PageShape, PageStream};
-use crate::volume_file::{Format, OpenStream, VolumeFile};
+use crate::volume_file::{Format, OpenStream, Takes, VolumeFile, Voxels};
 
 /// First bytes of a file: byte order, and version 42 (classic) or 43 (BigTIFF).
 const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
@@ -22,8 +22,7 @@ const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 /// TIFF files.
 pub(crate) const FORMAT: Format = Format {
     name: "TIFF",
-    asks_axes: false,
-    has_arrays: false,
+    takes: Takes::NOTHING,
     recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)),
     read,
 };
@@ -109,7 +108,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices,
-        stream,
+        voxels: Voxels::Stream(stream),
     })
 }
 

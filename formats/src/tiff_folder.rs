@@ -16,7 +16,7 @@ use crate::stream::{ByteStream, ChainedStream};
 use crate::tiff::{plane_bytes, same_shape};
 use crate::tiff_ifd::TiffFile;
 use crate::tiff_page::{self, Compression, Page, PageStream};
-use crate::volume_file::VolumeFile;
+use crate::volume_file::{VolumeFile, Voxels};
 
 /// Reads the headers of the slices in `folder`.
 pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
@@ -35,7 +35,9 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let Some(first) = files.first() else {
         return Err(FormatError::Unknown {
             path: folder.to_owned(),
-            what: "the folder has no TIFF slices (.tif, .tiff) in it".into(),
+            what:
+                "the folder has no TIFF slices (.tif, .tiff) in it, and is no Zarr, N5 or Neuroglancer store"
+                    .into(),
         });
     };
     refuse_gap(folder, &files)?;
@@ -91,7 +93,7 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices: Vec::new(),
-        stream,
+        voxels: Voxels::Stream(stream),
     })
 }
 

@@ -371,7 +371,7 @@ class Scene:
         """
         The scene with other labels drawn of an instance, and with other groups of its labels.
         """
-    def with_reading(self, /, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None]) -> Scene:
+    def with_reading(self, /, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]]) -> Scene:
         """
         The scene with the file of its first instance read in this way.
         """
@@ -469,7 +469,7 @@ class Volume:
         """
         Original ids of a block, x fastest: shape (z, y, x).
         """
-    def difference(self, /, source: str | PathLike[str] | Incomplete, *, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None], job: Job | None = None) -> str | None:
+    def difference(self, /, source: str | PathLike[str] | Incomplete, *, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> str | None:
         """
         Compares with a file, or with blocks; `None` if every voxel and id is the same, else the first difference.
         """
@@ -534,7 +534,7 @@ def agreement(ours: Any, theirs: Any, covered: Any) -> str:
     pixel, 0 where it shows no surface. Returns the verdict and its statistics as JSON text.
     """
 
-def compress(source: str | PathLike[str] | Incomplete, *, given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
+def compress(source: str | PathLike[str] | Incomplete, *, given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
     does not fit.
@@ -576,13 +576,13 @@ def one_line(text: str) -> str:
     A text as it is shown: on one line of bounded length, with control characters as escapes.
     """
 
-def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None], job: Job | None = None) -> tuple[Volume, list[str]]:
+def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Opens a `.pumice` file, or compresses a label volume of another format in memory; also returns the reader's warnings. If `labels` are
     given, only these are read from a `.pumice` file.
     """
 
-def probe(path: str | PathLike[str], *, query: str | None = None, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None], job: Job | None = None) -> str:
+def probe(path: str | PathLike[str], *, query: str | None = None, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> str:
     """
     A summary of a file, from its header alone, as JSON text; with a query, also what a process holds that shows only the labels that match.
     """

@@ -22,11 +22,13 @@ MOST_64 = (1 << 64) - 1
 
 
 Axes = Literal["xyz", "zyx"]
+Missing = Literal["fill", "error"]
 
 
 class Choice(TypedDict, total=False):
     """Which of several volumes in a file, counted from 0; `array` is a name within an `.npz`. `axes` is the order of an array's axes. The rest
-    describes a file without a header: `raw_dims` x, y, z, `raw_type`, `raw_big_endian`, and `raw_offset`, the bytes before the first voxel."""
+    describes a file without a header: `raw_dims` x, y, z, `raw_type`, `raw_big_endian`, and `raw_offset`, the bytes before the first voxel; or a
+    volume at several levels or in chunks: `scale`, `roi`, `label`, `dataset`, `missing_chunks`, `relabel`."""
 
     layer: int | None
     time: int | None
@@ -37,6 +39,12 @@ class Choice(TypedDict, total=False):
     raw_type: str | None
     raw_big_endian: bool
     raw_offset: int
+    scale: int | Sequence[float] | None
+    roi: Sequence[Sequence[int | None]] | None
+    label: str | None
+    dataset: str | None
+    missing_chunks: Missing | None
+    relabel: Path | None
 
 
 class Reading(Choice, total=False):
@@ -54,6 +62,17 @@ class RawAs(NamedTuple):
     offset: int
 
 
+class StoreAs(NamedTuple):
+    """What is read of a volume at several levels or in chunks, as the compiled part takes it: in the text forms of the command."""
+
+    scale: str | None = None
+    roi: str | None = None
+    label: str | None = None
+    dataset: str | None = None
+    missing_chunks: str | None = None
+    relabel: str | None = None
+
+
 class ReadAs(NamedTuple):
     """A `Reading` with its numbers checked, as the compiled part takes it."""
 
@@ -64,6 +83,7 @@ class ReadAs(NamedTuple):
     spacing: tuple[float, float, float] | None = None
     axes: Axes | None = None
     raw: RawAs | None = None
+    store: StoreAs = StoreAs()
 
 
 class RenderAs(NamedTuple):
@@ -177,7 +197,52 @@ def reading(given: Choice | Reading) -> ReadAs:
         checked["spacing"] = three_lengths(checked["spacing"])
     checked["axes"] = order(checked.get("axes"))
     layout = {name: checked.pop(name) for name in ("raw_dims", "raw_type", "raw_big_endian", "raw_offset") if name in checked}
-    return ReadAs(**checked, raw=raw_layout(**layout))
+    store = {name: checked.pop(name) for name in StoreAs._fields if checked.get(name) is not None}
+    for name in StoreAs._fields:
+        checked.pop(name, None)
+    return ReadAs(**checked, raw=raw_layout(**layout), store=_store(store))
+
+
+def _store(given: dict[str, Any]) -> StoreAs:
+    """What is read of a store, from keywords that are not None."""
+    for name in ("label", "dataset", "missing_chunks"):
+        if name in given and not isinstance(given[name], str):
+            raise InputError(f"{name}: expected a text, got {given[name]!r}")
+    if "scale" in given:
+        given["scale"] = scale_text(given["scale"])
+    if "roi" in given:
+        given["roi"] = roi_text(given["roi"])
+    if "relabel" in given:
+        given["relabel"] = os.path.abspath(path("relabel", given["relabel"]))
+    return StoreAs(**given)
+
+
+def scale_text(scale: Any) -> str:
+    """A level, or three lengths of a voxel, in the command's text form; a text is taken as it is."""
+    if isinstance(scale, str):
+        return scale
+    if isinstance(scale, numbers.Integral) and not isinstance(scale, bool):
+        return str(whole("scale", scale, 0, MOST_32))
+    try:
+        lengths = [float(length) for length in scale]
+    except (TypeError, ValueError):
+        raise InputError(f"scale: expected the number of a level, or three lengths of a voxel, got {scale!r}") from None
+    return ",".join(map(repr, lengths))
+
+
+def roi_text(roi: Any) -> str:
+    """Three pairs of first voxel and the one after the last, in the command's text form; a text is taken as it is."""
+    if isinstance(roi, str):
+        return roi
+    expected = "expected three pairs (first voxel, the one after the last), with None for the volume's end"
+    try:
+        pairs = [(pair.start, pair.stop) if isinstance(pair, slice) else tuple(pair) for pair in roi]
+    except TypeError:
+        raise InputError(f"roi: {expected}, got {roi!r}") from None
+    if any(isinstance(pair, slice) and pair.step not in (None, 1) for pair in roi) or [len(pair) for pair in pairs] != [2, 2, 2]:
+        raise InputError(f"roi: {expected}, got {roi!r}")
+    ends = [["" if end is None else str(whole("roi", end, 0, MOST_64)) for end in pair] for pair in pairs]
+    return ",".join(":".join(pair) for pair in ends)
 
 
 def raw_layout(raw_dims: Any = None, raw_type: Any = None, raw_big_endian: Any = False, raw_offset: Any = 0) -> RawAs | None:

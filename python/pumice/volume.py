@@ -342,8 +342,15 @@ def open(
     other levels, and chosen labels, are read into memory.
 
     Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths), `axes` (the order of
-    the axes of an `.npy` or `.npz` array: "xyz" or "zyx"; without it, "xyz" with a warning). Unusual things in the file that are not
-    errors cause a `PumiceWarning`. A keyword that leaves nothing to choose in this file is an InputError.
+    the axes of an array whose file does not say it: "xyz" or "zyx"; without it, "xyz" of `.npy` and `.npz`, "zyx" of HDF5 and Zarr, with a
+    warning). Unusual things in the file that are not errors cause a `PumiceWarning`. A keyword that leaves nothing to choose in this file is
+    an InputError.
+
+    Large volumes: `scale` (the number of a level, 0 the finest, or three voxel lengths to which the level is nearest), `roi` (three pairs of
+    the first voxel and the one after the last, None for the volume's end; the voxels keep their place in the world), `label` (label image of
+    an OME-Zarr picture), `dataset` (path within an HDF5 file, a Zarr or an N5 folder), `missing_chunks` ("fill", the default, takes absent
+    chunks as the fill value, with a warning that counts them; "error" refuses them), `relabel` (a table of pairs supervoxel, segment, CSV,
+    TSV or `.npy`, that joins ids while reading).
 
     A file without a header needs `raw_dims` (voxels along x, y, z; x is fastest) and `raw_type` (u8 u16 u32 u64 i8 i16 i32 i64 f32 f64), with
     `raw_big_endian` (False) and `raw_offset` (0, the bytes before the first voxel) where they apply.
@@ -360,7 +367,7 @@ def probe(path: Path, *, query: str | None = None, job: Job | None = None, **rea
     """A summary of a file, from its header: the same fields as `pumice info --json`, including warnings. Keywords are as for `open`.
 
     Of a file that is not a `.pumice` file no voxel is read. `choices` lists what the file leaves open and no keyword says, each as a dict:
-    `keyword` (`layer`, `time`, `channel`, `array` or `axes`), `what` (a sentence), `values` (dicts of `value` and `text`), `assumed` (the
+    `keyword` (`layer`, `time`, `channel`, `array`, `axes`, `scale`, `label` or `dataset`), `what` (a sentence), `values` (dicts of `value` and `text`), `assumed` (the
     answer that is taken without the keyword; None where `open` refuses the file). The first volume is described. `bytes_expected` is the
     memory that compressing is expected to take.
 

@@ -54,12 +54,18 @@ fn in_python(error: FormatError) -> FormatError {
                 "--time-step" => "time=",
                 "--channel" => "channel=",
                 "--array" => "array=",
+                "--label" => "label=",
+                "--dataset" => "dataset=",
                 other => other,
             },
             choices,
         },
         FormatError::NotApplicable { path, option, why } => {
-            let keyword = option.trim_start_matches("--").replacen("time-step", "time", 1);
+            let keyword = option.trim_start_matches("--").replacen("time-step", "time", 1).replacen(
+                "missing-chunks",
+                "missing_chunks",
+                1,
+            );
             FormatError::NotApplicable { path, option: keyword, why }
         }
         other => other,

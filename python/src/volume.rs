@@ -2,6 +2,7 @@
 
 use std::collections::BTreeMap;
 use std::path::PathBuf;
+use std::str::FromStr;
 use std::sync::{Arc, Mutex};
 
 use glam::DAffine3;
@@ -11,7 +12,7 @@ use pumice_core::{
 };
 use pumice_export::{CoarseSurface, Corners, Interfaces, QuadMesh};
 use pumice_session::values::label_type;
-use pumice_session::{ArrayAxes, LabelRows, OpenOptions, RawLayout, Residence, SessionError};
+use pumice_session::{ArrayAxes, LabelRows, OpenOptions, RawLayout, Residence, Roi, Scale, SessionError};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -39,14 +40,34 @@ pub(crate) fn distinct_colors(py: Python<'_>, count: usize, color_blind_safe: bo
     })
 }
 
-/// How to read a file: layer, time, channel, array, spacing, axes and raw of `pumice_formats::OpenOptions`; a `pumice.arguments.ReadAs`.
-pub(crate) type ReadAs =
-    (Option<u32>, Option<u32>, Option<u32>, Option<String>, Option<[f64; 3]>, Option<String>, Option<RawAs>);
+/// How to read a file: layer, time, channel, array, spacing, axes, raw and the rest of `pumice_formats::OpenOptions`; a
+/// `pumice.arguments.ReadAs`.
+pub(crate) type ReadAs = (
+    Option<u32>,
+    Option<u32>,
+    Option<u32>,
+    Option<String>,
+    Option<[f64; 3]>,
+    Option<String>,
+    Option<RawAs>,
+    StoreAs,
+);
+
+/// Scale, region, label image, data set, meaning of absent chunks and table of joined ids, each as the command takes it; a
+/// `pumice.arguments.StoreAs`.
+type StoreAs =
+    (Option<String>, Option<String>, Option<String>, Option<String>, Option<String>, Option<PathBuf>);
 
 /// Dims, label type, byte order and offset of voxels without a header; a `pumice.arguments.RawAs`.
 type RawAs = ([u64; 3], String, bool, u64);
 
-pub(crate) fn reading((layer, time, channel, array, spacing, axes, raw): ReadAs) -> PyResult<OpenOptions> {
+pub(crate) fn reading(
+    (layer, time, channel, array, spacing, axes, raw, store): ReadAs,
+) -> PyResult<OpenOptions> {
+    let (scale, roi, label, dataset, missing_chunks, relabel) = store;
+    let scale: Option<Scale> = parsed("scale", scale)?;
+    let roi: Option<Roi> = parsed("roi", roi)?;
+    let missing_chunks = parsed("missing_chunks", missing_chunks)?;
     let order = |name: String| {
         ArrayAxes::of_name(&name)
             .ok_or_else(|| input(&format_args!("axes: expected 'xyz' or 'zyx', got {name:?}")))
@@ -58,7 +79,27 @@ pub(crate) fn reading((layer, time, channel, array, spacing, axes, raw): ReadAs)
         Ok::<_, PyErr>(RawLayout { dims, label_type, big_endian, offset })
     });
     let raw = raw.transpose()?;
-    Ok(OpenOptions { layer, time, channel, array, spacing, axes, raw, ..OpenOptions::default() })
+    Ok(OpenOptions {
+        layer,
+        time,
+        channel,
+        array,
+        spacing,
+        axes,
+        raw,
+        scale,
+        roi,
+        label,
+        dataset,
+        missing_chunks,
+        relabel,
+        ..OpenOptions::default()
+    })
+}
+
+/// The value of a keyword that has a text form.
+fn parsed<T: FromStr<Err = String>>(keyword: &str, text: Option<String>) -> PyResult<Option<T>> {
+    text.map(|text| text.parse::<T>().map_err(|e| input(&format_args!("{keyword}: {e}")))).transpose()
 }
 
 #[pymethods]

@@ -79,11 +79,15 @@ impl Scene {
         Ok(write_text(path, &scene.to_json()?)?)
     }
 
-    /// The paths of all files that the scene names, volumes, meshes, sky, each with the path of its field in the JSON form.
+    /// The paths of all files that the scene names, volumes with their tables of joined ids, meshes, sky, each with the path of its field in the JSON form.
     pub fn paths(&self) -> Vec<(String, &Path)> {
-        let sources = self.instances.iter().enumerate();
-        let mut paths: Vec<_> =
-            sources.map(|(i, s)| (format!("instances[{i}].source"), s.source.as_path())).collect();
+        let mut paths = Vec::new();
+        for (i, instance) in self.instances.iter().enumerate() {
+            paths.push((format!("instances[{i}].source"), instance.source.as_path()));
+            if let Some(table) = &instance.reading.relabel {
+                paths.push((format!("instances[{i}].reading.relabel"), table));
+            }
+        }
         let meshes = self.meshes.iter().enumerate().filter(|(_, m)| !m.is_built_in());
         paths.extend(meshes.map(|(i, m)| (format!("meshes[{i}].source"), m.source.as_path())));
         if let Environment::Image { path, .. } = &self.world.environment {
@@ -99,7 +103,11 @@ impl Scene {
             Environment::Constant { .. } => None,
         };
         let meshes = self.meshes.iter_mut().filter(|m| !m.is_built_in()).map(|m| &mut m.source);
-        self.instances.iter_mut().map(|i| &mut i.source).chain(meshes).chain(sky)
+        let of_instances = self
+            .instances
+            .iter_mut()
+            .flat_map(|i| std::iter::once(&mut i.source).chain(i.reading.relabel.as_mut()));
+        of_instances.chain(meshes).chain(sky)
     }
 }
 

@@ -38,7 +38,7 @@ pub use mesh::Mesh;
 pub use needs::{INSTANCES_OF_A_TREE, LAMPS_OF_A_TREE, LabelCount, Needs};
 pub use part::{Part, PartSet};
 pub use passes::{Pass, Passes};
-pub use reading::{AxisOrder, RawVoxels, Reading};
+pub use reading::{AbsentChunks, AxisOrder, LevelOfFile, RawVoxels, Reading};
 pub use scene::{Instance, LabelStyle, SCENE_VERSION, Scene};
 pub use settings::{Adaptive, Film, Filter, Lod, Mode, Settings, ViewTransform};
 pub use show::Show;

@@ -3,6 +3,8 @@
 //! A scene that draws one time step of a file, or an array whose axes are z, y, x, draws other voxels when it is opened without these
 //! choices. So they are part of the instance, beside its `source`, and are left out of the JSON form where nothing was chosen.
 
+use std::path::PathBuf;
+
 use pumice_core::LabelType;
 use serde::{Deserialize, Serialize};
 
@@ -31,6 +33,24 @@ pub struct Reading {
     /// Layout of a file without a header.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub raw: Option<RawVoxels>,
+    /// Level of a file with several: a number, or the lengths of a voxel.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub scale: Option<LevelOfFile>,
+    /// First voxel and the one after the last along x, y, z; null is the volume's end.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub roi: Option<[[Option<u64>; 2]; 3]>,
+    /// Name of a label image of an OME-Zarr picture.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub label: Option<String>,
+    /// Path of a data set within the file or folder.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub dataset: Option<String>,
+    /// What an absent chunk means.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub missing_chunks: Option<AbsentChunks>,
+    /// Table of pairs of ids that are joined while the volume is read.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub relabel: Option<PathBuf>,
 }
 
 impl Reading {
@@ -48,6 +68,26 @@ pub enum AxisOrder {
     Xyz,
     /// `a[z, y, x]`.
     Zyx,
+}
+
+/// A level of a file that holds a volume at several.
+#[derive(Clone, Copy, Debug, PartialEq, Serialize, Deserialize)]
+#[serde(untagged)]
+pub enum LevelOfFile {
+    /// Its number; 0 is the finest.
+    Number(u32),
+    /// The level whose voxels are nearest to these lengths along x, y, z.
+    Size([f64; 3]),
+}
+
+/// What a chunk means that a store lacks.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
+#[serde(rename_all = "snake_case")]
+pub enum AbsentChunks {
+    /// The fill value.
+    Fill,
+    /// The store is refused.
+    Error,
 }
 
 /// Layout of voxels without a header, x fastest.

@@ -9,8 +9,8 @@ use std::collections::BTreeSet;
 use glam::{DAffine3, DMat3, DVec3};
 
 use crate::{
-    Cut, CutShape, Environment, Film, Filter, Instance, Lod, Mesh, Reading, SCENE_VERSION, Scene, SceneError,
-    Settings,
+    Cut, CutShape, Environment, Film, Filter, Instance, LevelOfFile, Lod, Mesh, Reading, SCENE_VERSION,
+    Scene, SceneError, Settings,
 };
 use camera::validate_camera;
 use light::{validate_light, validate_sun};
@@ -206,6 +206,20 @@ fn validate_reading(c: &Check, reading: &Reading) -> Checked {
     let raw_dims = reading.raw.iter().flat_map(|raw| raw.dims);
     for (axis, voxels) in raw_dims.enumerate() {
         c.field(&format!("raw.dims[{axis}]"), voxels > 0, || "expected at least 1, got 0".into())?;
+    }
+    if let Some(LevelOfFile::Size(lengths)) = reading.scale {
+        for (axis, length) in lengths.into_iter().enumerate() {
+            c.above(&format!("scale[{axis}]"), length, 0.0)?;
+        }
+    }
+    for (axis, [low, high]) in reading.roi.iter().flatten().enumerate() {
+        let low = low.unwrap_or(0);
+        c.field(&format!("roi[{axis}]"), high.is_none_or(|high| low < high), || {
+            format!(
+                "expected the first voxel below the one after the last, got {low} and {}",
+                high.unwrap_or(0)
+            )
+        })?;
     }
     Ok(())
 }

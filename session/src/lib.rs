@@ -54,7 +54,9 @@ pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
-pub use pumice_formats::{ArrayAxes, LabelTableFormat, OpenOptions, RawLayout, Recorded, Warnings};
+pub use pumice_formats::{
+    ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings,
+};
 pub use pumice_picture::annotate::{Annotations, Corner, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;

@@ -45,7 +45,9 @@ pub(crate) fn is_compressed(path: &Path, reading: &OpenOptions) -> Result<bool> 
             Err(pumice_formats::FormatError::NotApplicable {
                 path: path.to_owned(),
                 option: format!("{option} {named}").trim_end().to_owned(),
-                why: "a .pumice file holds one volume, with its spacing, and says which axis is which".into(),
+                why: "a .pumice file holds one volume, with its spacing, and says which axis is which: this is chosen when it is \
+                      compressed"
+                    .into(),
             }
             .into())
         }

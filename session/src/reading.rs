@@ -7,8 +7,8 @@
 //! ```
 //! `pumice_scene::Reading` is the JSON form, `pumice_formats::OpenOptions` what the readers take.
 
-use pumice_formats::{ArrayAxes, OpenOptions, RawLayout, Recorded};
-use pumice_scene::{AxisOrder, RawVoxels, Reading, Scene};
+use pumice_formats::{ArrayAxes, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale};
+use pumice_scene::{AbsentChunks, AxisOrder, LevelOfFile, RawVoxels, Reading, Scene};
 
 /// The options with which the source of an instance is opened: the caller's where it gives any, otherwise those of `instance`.
 pub fn options_for(instance: &Reading, caller: &OpenOptions) -> OpenOptions {
@@ -23,6 +23,18 @@ pub fn options_for(instance: &Reading, caller: &OpenOptions) -> OpenOptions {
             AxisOrder::Xyz => ArrayAxes::Xyz,
             AxisOrder::Zyx => ArrayAxes::Zyx,
         })),
+        scale: caller.scale.or(instance.scale.map(|level| match level {
+            LevelOfFile::Number(number) => Scale::Level(number),
+            LevelOfFile::Size(lengths) => Scale::Size(lengths),
+        })),
+        roi: caller.roi.or(instance.roi.map(Roi)),
+        label: caller.label.clone().or_else(|| instance.label.clone()),
+        dataset: caller.dataset.clone().or_else(|| instance.dataset.clone()),
+        missing_chunks: caller.missing_chunks.or(instance.missing_chunks.map(|missing| match missing {
+            AbsentChunks::Fill => MissingChunks::Fill,
+            AbsentChunks::Error => MissingChunks::Error,
+        })),
+        relabel: caller.relabel.clone().or_else(|| instance.relabel.clone()),
         warnings: caller.warnings.clone(),
         outputs: caller.outputs.clone(),
         recorded: Recorded {
@@ -41,8 +53,24 @@ fn layout_of(raw: &RawVoxels) -> RawLayout {
 /// What a scene records of the options with which a volume is opened.
 pub fn recorded(options: &OpenOptions) -> Reading {
     // Taken apart by name, so that a new option cannot be forgotten here.
-    let OpenOptions { layer, time, channel, array, spacing, raw, axes, warnings: _, outputs: _, recorded: _ } =
-        options;
+    let OpenOptions {
+        layer,
+        time,
+        channel,
+        array,
+        spacing,
+        raw,
+        axes,
+        scale,
+        roi,
+        label,
+        dataset,
+        missing_chunks,
+        relabel,
+        warnings: _,
+        outputs: _,
+        recorded: _,
+    } = options;
     Reading {
         layer: *layer,
         time: *time,
@@ -57,6 +85,19 @@ pub fn recorded(options: &OpenOptions) -> Reading {
             let &RawLayout { dims, label_type, big_endian, offset } = raw;
             RawVoxels { dims, label_type, big_endian, offset }
         }),
+        scale: scale.map(|scale| match scale {
+            Scale::Level(number) => LevelOfFile::Number(number),
+            Scale::Size(lengths) => LevelOfFile::Size(lengths),
+        }),
+        roi: roi.map(|roi| roi.0),
+        label: label.clone(),
+        dataset: dataset.clone(),
+        missing_chunks: missing_chunks.map(|missing| match missing {
+            MissingChunks::Fill => AbsentChunks::Fill,
+            MissingChunks::Error => AbsentChunks::Error,
+        }),
+        // As the sources of a scene, so that it names the same file wherever it is used.
+        relabel: relabel.as_ref().map(|table| std::path::absolute(table).unwrap_or_else(|_| table.clone())),
     }
 }
 
@@ -85,6 +126,12 @@ mod tests {
                 offset: 10,
             }),
             axes: Some(ArrayAxes::Zyx),
+            scale: Some(Scale::Size([8.0, 8.0, 40.0])),
+            roi: Some(Roi([[Some(1), None], [None, Some(9)], [None, None]])),
+            label: Some("nuclei".into()),
+            dataset: Some("volumes/labels".into()),
+            missing_chunks: Some(MissingChunks::Error),
+            relabel: Some("segments.csv".into()),
             ..OpenOptions::default()
         }
     }

@@ -10,16 +10,20 @@ dims between layers, so a choice that is taken shows in what `info` says.
 import json
 import re
 
+import h5py
 import nibabel
 import nrrd
 import numpy as np
 import pytest
 import tifffile
+import zarr
 from command import run
 
 # One row a subcommand: each option, with the rule under which it is refused ("" for none).
 READING = {
     **dict.fromkeys(["--layer", "--time-step", "--channel", "--array", "--spacing", "--axes"], "where the format leaves nothing to choose"),
+    **dict.fromkeys(["--scale", "--label", "--dataset", "--missing-chunks"], "where the format leaves nothing to choose"),
+    **dict.fromkeys(["--roi", "--relabel"], "on .pumice files"),
     "--raw-dims": "on .pumice files",
     **dict.fromkeys(["--raw-type", "--raw-offset"], "without --raw-dims"),
     "--raw-big-endian": "without --raw-dims, and where a label has one byte",
@@ -85,7 +89,7 @@ OPTIONS = {
 LABELS = (np.arange(4 * 6 * 8) % 5).astype(np.uint16).reshape(4, 6, 8)
 TWO = np.stack([LABELS, LABELS[::-1]])
 
-# The options that each kind of input takes; `needed` are those without which it is refused.
+# The options that each kind of input takes beside those that all but .pumice files take; `needed` are those without which it is refused.
 RAW = ["--raw-dims", "8,6,4", "--raw-type", "u16"]
 READS = {
     "a.pumice": [],
@@ -100,8 +104,17 @@ READS = {
     "channels.tif": ["--spacing", "--channel"],
     "times.nii": ["--spacing", "--time-step"],
     "a.raw": ["--spacing", "--raw-offset"],
+    "a.zarr": ["--spacing", "--axes", "--missing-chunks"],
+    "levels.zarr": ["--spacing", "--label", "--scale", "--missing-chunks"],
+    "two.h5": ["--spacing", "--axes", "--dataset"],
+    "a.n5": ["--spacing", "--missing-chunks"],
+    "a.precomputed": ["--spacing", "--missing-chunks"],
 }
+# Taken by every reader.
+BY_ALL = ["--roi", "--relabel"]
 NEEDED = {
+    "levels.zarr": ["--label", "first"],
+    "two.h5": ["--dataset", "first"],
     "two.npz": ["--array", "first"],
     "layers.nrrd": ["--layer", "0"],
     "channels.tif": ["--channel", "0"],
@@ -116,6 +129,13 @@ VALUES = {
     "--spacing": "1,2,3",
     "--axes": "zyx",
     "--raw-offset": "0",
+    "--scale": "1",
+    "--roi": "1:,:,:3",
+    "--label": "second",
+    "--dataset": "second",
+    "--missing-chunks": "error",
+    # The fixture puts the path here.
+    "--relabel": "",
 }
 
 
@@ -135,12 +155,37 @@ def inputs(pumice, tmp_path_factory):
     np.save(folder / "a.npy", LABELS)
     np.savez(folder / "two.npz", first=LABELS, second=LABELS[::-1])
     (folder / "a.raw").write_bytes(LABELS.tobytes())
+    (folder / "pairs.csv").write_text("1,7\n")
+    VALUES["--relabel"] = str(folder / "pairs.csv")
+    write_stores(folder)
     header = "ObjectType = Image\nNDims = 3\nDimSize = 8 6 4\nElementSpacing = 1 1 1\nElementType = MET_USHORT\nElementDataFile = LOCAL\n"
     (folder / "a.mha").write_bytes(header.encode() + LABELS.tobytes())
     run(pumice, "compress", folder / "a.nrrd", "-o", folder / "a.pumice").fine()
     small = ["--size", "4x4", "--spp", "1", "--backend", "cpu"]
     run(pumice, "render", folder / "a.pumice", "-o", folder / "a.exr", *small, "--save-scene", folder / "s.json").fine()
     return folder
+
+
+def write_stores(folder):
+    zarr.create_array(folder / "a.zarr", data=LABELS)
+    labels = zarr.open_group(folder / "levels.zarr" / "labels", mode="w")
+    zarr.open_group(folder / "levels.zarr", mode="a")
+    labels.attrs["ome"] = {"labels": ["first", "second"]}
+    for name in ("first", "second"):
+        image = labels.create_group(name)
+        axes = [{"name": axis, "type": "space"} for axis in "zyx"]
+        image.attrs["ome"] = {"multiscales": [{"axes": axes, "datasets": [{"path": "0"}, {"path": "1"}]}]}
+        image.create_array("0", data=LABELS)
+        image.create_array("1", data=LABELS)
+    with h5py.File(folder / "two.h5", "w") as file:
+        file["first"], file["second"] = TWO
+    (folder / "a.n5").mkdir()
+    about = {"dimensions": [8, 6, 4], "blockSize": [8, 6, 4], "dataType": "uint16", "compression": {"type": "raw"}}
+    (folder / "a.n5" / "attributes.json").write_text(json.dumps(about))
+    scale = {"key": "s", "size": [8, 6, 4], "resolution": [1, 1, 1], "chunk_sizes": [[8, 6, 4]], "encoding": "raw"}
+    (folder / "a.precomputed" / "s").mkdir(parents=True)
+    about = {"type": "segmentation", "data_type": "uint16", "num_channels": 1, "scales": [scale]}
+    (folder / "a.precomputed" / "info").write_text(json.dumps(about))
 
 
 def test_every_option_of_every_subcommand_has_its_row(pumice):
@@ -165,7 +210,7 @@ def test_each_kind_takes_what_it_leaves_open_and_refuses_the_rest_by_name(pumice
         if option == "--raw-offset" and kind != "a.raw":
             continue  # clap asks for --raw-dims
         done = run(pumice, "info", inputs / kind, "--json", *options_of(kind, option))
-        if option in READS[kind]:
+        if option in READS[kind] or option in BY_ALL and kind != "a.pumice":
             found = json.loads(done.fine())
             assert option != "--spacing" or found["spacing"] == [1, 2, 3], kind
         else:

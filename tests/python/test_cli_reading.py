@@ -2,11 +2,13 @@
 
 import json
 
+import h5py
 import nibabel
 import nrrd
 import numpy as np
 import pytest
 import tifffile
+import zarr
 from command import run
 from exr_planes import planes
 
@@ -25,6 +27,12 @@ KINDS = {
         ["--raw-dims", "7,6,5", "--raw-type", "u16", "--raw-big-endian", "--raw-offset", "3"],
         {"raw": {"dims": [7, 6, 5], "label_type": "u16", "big_endian": True, "offset": 3}},
     ),
+    "levels.zarr": (
+        ["--label", "second", "--scale", "1", "--roi", "1:6,:,:4"],
+        {"label": "second", "scale": 1, "roi": [[1, 6], [None, None], [None, 4]]},
+    ),
+    "sets.h5": (["--dataset", "b/second", "--axes", "xyz"], {"dataset": "b/second", "axes": "xyz"}),
+    "absent.zarr": (["--missing-chunks", "fill", "--axes", "xyz"], {"missing_chunks": "fill", "axes": "xyz"}),
 }
 
 
@@ -41,6 +49,22 @@ def written(folder, name):
             tifffile.imwrite(path, TWO.transpose(1, 0, 2, 3), imagej=True, metadata={"axes": "ZCYX"})
         case "times.nii":
             nibabel.save(nibabel.Nifti1Image(np.moveaxis(TWO, 0, -1), np.eye(4)), path)
+        case "levels.zarr":
+            picture = zarr.open_group(path, mode="w")
+            labels = picture.create_group("labels")
+            labels.attrs["ome"] = {"labels": ["first", "second"]}
+            for name in ("first", "second"):
+                datasets = [{"path": level, "coordinateTransformations": [{"type": "scale", "scale": [size] * 3}]} for level, size in (("0", 1), ("1", 2))]
+                image = labels.create_group(name)
+                image.attrs["ome"] = {"multiscales": [{"axes": [{"name": axis, "type": "space"} for axis in "zyx"], "datasets": datasets}]}
+                image.create_array("0", data=TWO[0], chunks=(2, 3, 4))
+                image.create_array("1", data=TWO[1] if name == "second" else np.flip(TWO[1], 0), chunks=(2, 3, 4))
+        case "sets.h5":
+            with h5py.File(path, "w") as file:
+                file["first"], file["b/second"] = TWO
+        case "absent.zarr":
+            array = zarr.create_array(path, shape=FIRST.shape, dtype="u2", chunks=(3, 3, 7), fill_value=4)
+            array[:3] = FIRST[:3]
         case "a.raw":
             path.write_bytes(b"abc" + FIRST.astype(">u2").tobytes())
     return path

@@ -11,7 +11,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// SPDX names of licences that are compatible with MIT OR Apache-2.0.
-const LICENSES: [&str; 10] = [
+const LICENSES: [&str; 11] = [
     "MIT",
     "Apache-2.0",
     "Apache-2.0 WITH LLVM-exception",
@@ -22,6 +22,8 @@ const LICENSES: [&str; 10] = [
     "Unicode-3.0",
     "BSL-1.0",
     "CC0-1.0",
+    // BSD without the clause on endorsement, for `libbz2-rs-sys`.
+    "bzip2-1.0.6",
 ];
 const REGISTRY: &str = "registry+https://github.com/rust-lang/crates.io-index";
 /// Crates that need more than a C compiler on a user's machine, with what they need.

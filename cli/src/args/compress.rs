@@ -9,7 +9,7 @@ use super::Reading;
 
 /// Compress a label volume losslessly into a .pumice file
 ///
-/// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage and raw files as a stream: the whole volume is never in
+/// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage, HDF5 and raw files, and folders of Zarr, OME-Zarr, Neuroglancer and N5, as a stream: the whole volume is never in
 /// memory. The output file appears under its final name only when it is complete.
 #[derive(Debug, Args)]
 pub(crate) struct Compress {

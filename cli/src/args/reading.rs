@@ -1,7 +1,10 @@
 //! Flags that say how to read a label volume, shared by every subcommand that reads one.
 
+use std::path::PathBuf;
+
 use clap::{Args, ValueEnum};
 use pumice_session::values::label_type;
+use pumice_session::{Roi, Scale};
 
 use super::values::{dims, spacing};
 
@@ -41,6 +44,39 @@ pub(crate) struct Reading {
     /// Bytes to skip at the start of a file without a header
     #[arg(long, value_name = "BYTES", default_value_t = 0, requires = "raw_dims")]
     pub(crate) raw_offset: u64,
+    /// Level of a volume that is stored at several: its number, 0 the finest, or the voxel size x,y,z to which it is nearest
+    ///
+    /// OME-Zarr, Neuroglancer and N5 folders hold levels. Without the option the finest is read.
+    #[arg(long, value_name = "LEVEL|X,Y,Z")]
+    pub(crate) scale: Option<Scale>,
+    /// Read only these voxels, such as 0:512,100:200,: (the first, and the one after the last)
+    ///
+    /// An end that is left out is the volume's. The voxels keep their place in the world. Of a store of chunks only those that the region meets
+    /// are read.
+    #[arg(long, value_name = "X0:X1,Y0:Y1,Z0:Z1", allow_hyphen_values = true)]
+    pub(crate) roi: Option<Roi>,
+    /// Label image of an OME-Zarr picture that has several
+    #[arg(long, value_name = "NAME")]
+    pub(crate) label: Option<String>,
+    /// Data set of an HDF5 file, or of a Zarr or N5 folder, that has several
+    #[arg(long, value_name = "PATH")]
+    pub(crate) dataset: Option<String>,
+    /// What a chunk means that a store lacks; default fill
+    #[arg(long, value_name = "MEANING", value_enum)]
+    pub(crate) missing_chunks: Option<Missing>,
+    /// Join ids while the volume is read: a CSV or TSV table of pairs supervoxel,segment, or an .npy array of shape (n, 2)
+    ///
+    /// Ids that the table lacks stay as they are. Takes 16 bytes of memory a pair.
+    #[arg(long, value_name = "TABLE")]
+    pub(crate) relabel: Option<PathBuf>,
+}
+
+#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
+pub(crate) enum Missing {
+    /// The fill value of the store; a warning counts them
+    Fill,
+    /// The store is refused
+    Error,
 }
 
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]

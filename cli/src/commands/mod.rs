@@ -16,9 +16,9 @@ pub(crate) mod verify;
 pub(crate) mod verify_render;
 
 use pumice_core::Outputs;
-use pumice_session::{ArrayAxes, OpenOptions, RawLayout, Recorded, Warnings};
+use pumice_session::{ArrayAxes, MissingChunks, OpenOptions, RawLayout, Recorded, Warnings};
 
-use crate::args::{Axes, Reading};
+use crate::args::{Axes, Missing, Reading};
 use crate::failure::warn_at_work;
 
 /// Converts the flags on reading to the options that the readers of `pumice-formats` take. What a reader finds odd, or assumes, is printed to
@@ -43,6 +43,15 @@ fn open_options(reading: &Reading) -> OpenOptions {
             }),
             _ => None,
         },
+        scale: reading.scale,
+        roi: reading.roi,
+        label: reading.label.clone(),
+        dataset: reading.dataset.clone(),
+        missing_chunks: reading.missing_chunks.map(|missing| match missing {
+            Missing::Fill => MissingChunks::Fill,
+            Missing::Error => MissingChunks::Error,
+        }),
+        relabel: reading.relabel.clone(),
         warnings: Warnings::told_to(|line| warn_at_work(format_args!("warning: {line}"))),
         outputs: Outputs::default(),
         recorded: Recorded::default(),

@@ -1,0 +1,357 @@
+//! N5: folders of blocks (*N5 specification*, github.com/saalfeldlab/n5), and the levels of an image in N5 as N5-viewer, Paintera and COSEM have them.
+//!
+//! ```text
+//! cells.n5/attributes.json               { "n5": "2.5.0" }
+//! cells.n5/volumes/labels/attributes.json  { "dimensions": [x, y, z], "blockSize": […], "dataType": "uint64", "compression": {"type": "gzip"} }   --dataset
+//! cells.n5/volumes/labels/0/0/1          a block: x/y/z (`n5_block`)
+//! cells.n5/image/s0 s1 s2                levels: "downsamplingFactors": [2, 2, 1], "pixelResolution" or "resolution"                           --scale
+//! ```
+//! Sizes, lengths and offsets are x first. N5 has no fill value: an absent block is 0.
+
+use std::path::{Path, PathBuf};
+
+use glam::DVec3;
+use pumice_core::{LabelType, Unit, VolumeInfo};
+use serde_json::Value;
+
+use crate::array_axes::shape_text;
+use crate::choice::{self, ChoiceValue, OpenChoice, choose, refuse_absent};
+use crate::chunks::Chunks;
+use crate::element::Element;
+use crate::error::{FormatError, Result};
+use crate::header_text::shorten;
+use crate::layout::{FileAxis, Layout, Role};
+use crate::levels::{Level, choose_level};
+use crate::n5_block::{Compression, N5Blocks};
+use crate::options::{MissingChunks, OpenOptions};
+use crate::placement::{self, unit_by_name};
+use crate::stores::{self, lengths, numbers};
+use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
+
+/// N5 folders.
+pub(crate) const FORMAT: Format = Format {
+    name: "N5",
+    takes: Takes { dataset: true, scale: true, missing_chunks: true, ..Takes::NOTHING },
+    recognises: |folder, _| folder.join("attributes.json").is_file(),
+    read,
+};
+
+/// A group or data set: its folder and its attributes.
+#[derive(Clone, Debug)]
+struct Node {
+    path: PathBuf,
+    attributes: Value,
+}
+
+impl Node {
+    fn read(path: &Path) -> Result<Self> {
+        // Groups need no attributes.
+        let attributes = stores::json(path, "attributes.json")?.unwrap_or(Value::Null);
+        Ok(Self { path: path.to_owned(), attributes })
+    }
+
+    fn dims(&self) -> Option<Vec<u64>> {
+        numbers(self.attributes.get("dimensions")).filter(|dims| !dims.is_empty())
+    }
+
+    /// Data sets s0, s1, … below a group.
+    fn levels(&self) -> Result<Vec<Self>> {
+        let mut levels = Vec::new();
+        while let path = self.path.join(format!("s{}", levels.len()))
+            && path.join("attributes.json").is_file()
+        {
+            let level = Self::read(&path)?;
+            if level.dims().is_none() {
+                break;
+            }
+            levels.push(level);
+        }
+        Ok(levels)
+    }
+}
+
+/// Deepest level at which data sets are looked for.
+const MOST_DEPTH: usize = 5;
+
+fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
+    let mut choices = Vec::new();
+    let node = choose_dataset(&Node::read(folder)?, options, &mut choices)?;
+    if node.dims().is_some() {
+        if let Some(scale) = &options.scale {
+            return Err(FormatError::NotApplicable {
+                path: node.path,
+                option: format!("--scale {scale}"),
+                why: "a data set by itself has one level".into(),
+            });
+        }
+        // A level that is opened by its own path is described by its group, too.
+        let group = node
+            .path
+            .parent()
+            .filter(|p| !p.as_os_str().is_empty())
+            .map(Node::read)
+            .transpose()
+            .ok()
+            .flatten();
+        let place = Place::of(&node, group.as_ref(), None);
+        return of_dataset(&node, place, options, choices);
+    }
+    let group = if node.levels()?.is_empty() { Node::read(&node.path.join("data"))? } else { node };
+    let levels = group.levels()?;
+    let places: Vec<Place> =
+        levels.iter().map(|level| Place::of(level, Some(&group), levels.first())).collect();
+    let unit = places.first().map_or(Unit::Unknown, |place| place.unit);
+    let described: Vec<Level> = levels
+        .iter()
+        .zip(&places)
+        .map(|(level, place)| {
+            let dims = level.dims().unwrap_or_default();
+            Level { dims: [0, 1, 2].map(|a| dims.get(a).copied().unwrap_or(1)), spacing: place.lengths }
+        })
+        .collect();
+    let number = choose_level(&group.path, &described, unit, options, &mut choices)?;
+    of_dataset(&levels[number], places[number].clone(), options, choices)
+}
+
+/// Where the voxels of a data set lie.
+#[derive(Clone, Debug)]
+struct Place {
+    lengths: [f64; 3],
+    /// Middle of the first voxel.
+    origin: [f64; 3],
+    unit: Unit,
+    /// Whether the attributes say it.
+    is_stated: bool,
+}
+
+impl Place {
+    /// From the attributes of a data set, of the group of its levels, and of the finest level.
+    fn of(node: &Node, group: Option<&Node>, finest: Option<&Node>) -> Self {
+        let three = |list: Option<Vec<f64>>| list.and_then(|list| <[f64; 3]>::try_from(list.get(..3)?).ok());
+        let stated = |node: &Node| {
+            let pixel = node.attributes.get("pixelResolution");
+            let of_pixel = pixel.and_then(|p| three(lengths(Some(p.get("dimensions").unwrap_or(p)))));
+            let found = of_pixel.or_else(|| three(lengths(node.attributes.get("resolution"))))?;
+            let unit =
+                pixel.and_then(|p| p.get("unit")?.as_str()).or_else(|| node.attributes.get("unit")?.as_str());
+            let unit = unit.or_else(|| node.attributes.get("units")?.get(0)?.as_str());
+            Some((found, unit.and_then(unit_by_name).unwrap_or(Unit::Unknown)))
+        };
+        let own_factors = three(lengths(node.attributes.get("downsamplingFactors")));
+        // COSEM writes a transformation, in the order of its own axes.
+        let transform = node.attributes.get("transform").and_then(cosem);
+        if let Some((lengths, origin, unit)) = transform {
+            return Self { lengths, origin, unit, is_stated: true };
+        }
+        // The resolution of a level without factors is its own; with factors it is that of the finest level.
+        let base = stated(node).or_else(|| finest.and_then(stated)).or_else(|| group.and_then(stated));
+        let number =
+            node.path.file_name().and_then(|name| name.to_str()?.strip_prefix('s')?.parse::<usize>().ok());
+        let of_group = group.and_then(|group| three(lengths(group.attributes.get("scales")?.get(number?))));
+        let factors = own_factors.or(of_group).unwrap_or([1.0; 3]);
+        let (base, unit, is_stated) = base.map_or(([1.0; 3], Unit::Unknown, false), |(l, u)| (l, u, true));
+        Self {
+            lengths: [0, 1, 2].map(|a| base[a] * factors[a]),
+            // Averages of `factor` voxels lie in their middle.
+            origin: [0, 1, 2].map(|a| base[a] * (factors[a] - 1.0) / 2.0),
+            unit,
+            is_stated,
+        }
+    }
+}
+
+/// Lengths, place and unit of COSEM's `transform`, whose axes have names.
+fn cosem(transform: &Value) -> Option<([f64; 3], [f64; 3], Unit)> {
+    let axes = transform.get("axes")?.as_array()?;
+    let (scale, moved) = (lengths(transform.get("scale"))?, lengths(transform.get("translate"))?);
+    let mut found = ([1.0; 3], [0.0; 3]);
+    for (n, axis) in axes.iter().enumerate() {
+        let space = ["x", "y", "z"].iter().position(|name| axis.as_str() == Some(name))?;
+        found.0[space] = *scale.get(n)?;
+        found.1[space] = *moved.get(n)?;
+    }
+    let unit = transform.get("units").and_then(|units| unit_by_name(units.get(0)?.as_str()?));
+    Some((found.0, found.1, unit.unwrap_or(Unit::Unknown)))
+}
+
+fn of_dataset(
+    node: &Node,
+    place: Place,
+    options: &OpenOptions,
+    mut choices: Vec<OpenChoice>,
+) -> Result<VolumeFile> {
+    let Node { path, attributes } = node;
+    let wrong = |what: &str| FormatError::damaged(&path.join("attributes.json"), what.to_owned());
+    let dims = node.dims().ok_or_else(|| wrong("dimensions: expected a list of whole numbers"))?;
+    let block = numbers(attributes.get("blockSize"))
+        .filter(|block| block.len() == dims.len() && !block.contains(&0))
+        .ok_or_else(|| wrong("blockSize: expected a number above 0 for each of the dimensions"))?;
+    if attributes.get("isLabelMultiset").and_then(Value::as_bool) == Some(true) {
+        return Err(FormatError::unsupported(
+            path,
+            "the data set holds label multisets, several labels a voxel",
+            "convert it to a data set of uint64",
+        ));
+    }
+    let name = attributes.get("dataType").and_then(Value::as_str).unwrap_or("none");
+    let label_type = label_type(name).ok_or_else(|| {
+        FormatError::unsupported(
+            path,
+            format!("the data set's type is {}", shorten(name)),
+            "labels are integers, or floating-point numbers that are whole",
+        )
+    })?;
+    let compression = Compression::of(attributes).map_err(|name| {
+        FormatError::unsupported(
+            path,
+            format!("the blocks are compressed by {name}"),
+            "write them as gzip, bzip2, zstd or raw",
+        )
+    })?;
+    let element = Element::new(label_type, true);
+    let mut axes = Vec::new();
+    let mut has_layers = false;
+    for (a, &size) in dims.iter().enumerate() {
+        let role = match a {
+            0..3 => Role::Space(a),
+            _ if size == 1 => Role::Fixed(0),
+            _ if has_layers => {
+                return Err(FormatError::unsupported(
+                    path,
+                    format!("the data set has dimensions {}", shape_text(&dims)),
+                    "save one label map a data set",
+                ));
+            }
+            _ => {
+                has_layers = true;
+                Role::Fixed(choose(path, &choice::LAYER, options, size, &mut choices)?)
+            }
+        };
+        axes.push(FileAxis { size, role });
+    }
+    let absent: &[&choice::Choice] = if has_layers {
+        &[&choice::TIME, &choice::CHANNEL]
+    } else {
+        &[&choice::TIME, &choice::CHANNEL, &choice::LAYER]
+    };
+    refuse_absent(path, options, absent)?;
+    let layout = Layout::new(path, axes, element.bytes())?;
+    if !place.is_stated && options.spacing.is_none() {
+        options.warnings.push(format!(
+            "{}: the data set states no spacing; 1 is assumed along each axis (give --spacing x,y,z)",
+            path.display()
+        ));
+    }
+    let along = [0, 1, 2].map(|a| DVec3::AXES[a] * place.lengths[a]);
+    let affine = placement::world_from_centre(path, along, DVec3::from_array(place.origin), options)?;
+    let mut info = VolumeInfo::new(layout.dims(), label_type).from_centre_affine(affine);
+    info.unit = place.unit;
+    let blocks = N5Blocks {
+        folder: path.clone(),
+        dims,
+        block: block.clone(),
+        compression,
+        element_bytes: element.bytes(),
+    };
+    Ok(VolumeFile {
+        format: "N5",
+        encoding: compression.name().into(),
+        info,
+        layout,
+        element,
+        layers: Vec::new(),
+        choices,
+        voxels: Voxels::Chunks(Chunks {
+            shard: vec![1; block.len()],
+            chunk: block,
+            fill: vec![0; element.bytes()],
+            missing: options.missing_chunks.unwrap_or(MissingChunks::Fill),
+            open: Box::new(move || Ok(Box::new(blocks))),
+        }),
+    })
+}
+
+fn label_type(name: &str) -> Option<LabelType> {
+    Some(match name {
+        "uint8" => LabelType::U8,
+        "uint16" => LabelType::U16,
+        "uint32" => LabelType::U32,
+        "uint64" => LabelType::U64,
+        "int8" => LabelType::I8,
+        "int16" => LabelType::I16,
+        "int32" => LabelType::I32,
+        "int64" => LabelType::I64,
+        "float32" => LabelType::F32,
+        "float64" => LabelType::F64,
+        _ => return None,
+    })
+}
+
+/// The data set, or the group of levels, that the caller names, or the only one.
+fn choose_dataset(node: &Node, options: &OpenOptions, open: &mut Vec<OpenChoice>) -> Result<Node> {
+    let is_one = |node: &Node| -> Result<bool> {
+        Ok(node.dims().is_some()
+            || !node.levels()?.is_empty()
+            || !Node { path: node.path.join("data"), attributes: Value::Null }.levels()?.is_empty())
+    };
+    let found = || -> Result<Vec<String>> {
+        let fits = |path: &Path| {
+            path.join("attributes.json").is_file()
+                && Node::read(path).is_ok_and(|n| is_one(&n).unwrap_or(false))
+        };
+        stores::find_below(&node.path, MOST_DEPTH, &fits)
+    };
+    if let Some(name) = &options.dataset {
+        let wrong =
+            |what: String| FormatError::option(&node.path, format!("--dataset {}: {what}", shorten(name)));
+        if node.dims().is_some() {
+            return Err(FormatError::NotApplicable {
+                path: node.path.clone(),
+                option: format!("--dataset {}", shorten(name)),
+                why: "the folder is a data set by itself".into(),
+            });
+        }
+        let name = name.trim_matches('/');
+        if name.is_empty() || name.contains('\\') || name.split('/').any(|part| part == "..") {
+            return Err(wrong("expected a path below the folder".into()));
+        }
+        let chosen = Node::read(&node.path.join(name))?;
+        if !is_one(&chosen)? {
+            return Err(wrong(format!("there is no data set; there are: {}", found()?.join(", "))));
+        }
+        return Ok(chosen);
+    }
+    if is_one(node)? {
+        return Ok(node.clone());
+    }
+    let names = found()?;
+    let Some(first) = names.first() else {
+        return Err(FormatError::unsupported(
+            &node.path,
+            "the folder holds no data set of N5",
+            "open the folder of a data set",
+        ));
+    };
+    if names.len() == 1 {
+        options.warnings.push(format!("{}: the data set {first} is read", node.path.display()));
+    } else {
+        let value = |name: &String| ChoiceValue {
+            value: name.clone(),
+            text: Node::read(&node.path.join(name))
+                .ok()
+                .and_then(|n| n.dims())
+                .map_or_else(String::new, |d| shape_text(&d)),
+        };
+        let listed: Vec<String> = names.iter().take(32).map(|name| shorten(name)).collect();
+        open.push(OpenChoice {
+            keyword: "dataset",
+            option: "--dataset",
+            what: format!("the folder has {} data sets", names.len()),
+            listed: listed.join(", ") + if names.len() > 32 { ", …" } else { "" },
+            values: names.iter().take(4096).map(value).collect(),
+            count: names.len() as u64,
+            assumed: None,
+        });
+    }
+    Node::read(&node.path.join(first))
+}

@@ -1,0 +1,92 @@
+//! A folder as the store that the crate `zarrs` reads: one file a chunk or shard.
+//!
+//! Unlike the crate's own store it keeps nothing about files that were read, so that 10⁶ chunks cost no memory, and it opens ordinary files
+//! only.
+
+use std::fs::File;
+use std::io::{Error, ErrorKind, Read, Seek, SeekFrom};
+use std::path::PathBuf;
+use std::sync::Arc;
+
+use pumice_core::{open_input, reserve};
+use zarrs::storage::byte_range::{ByteRange, ByteRangeIterator};
+use zarrs::storage::{Bytes, MaybeBytes, MaybeBytesIterator, ReadableStorageTraits, StorageError, StoreKey};
+
+use crate::stores::is_absent;
+
+/// Files below a folder, by their path in it.
+#[derive(Debug)]
+pub(crate) struct ZarrFiles {
+    folder: PathBuf,
+}
+
+impl ZarrFiles {
+    pub(crate) fn new(folder: PathBuf) -> Self {
+        Self { folder }
+    }
+
+    pub(crate) fn path(&self, key: &StoreKey) -> PathBuf {
+        self.folder.join(key.as_str())
+    }
+
+    /// The file with its size; `None` where there is none.
+    fn open(&self, key: &StoreKey) -> Result<Option<(File, u64)>, StorageError> {
+        let opened = open_input(&self.path(key)).and_then(|file| {
+            let bytes = file.metadata()?.len();
+            Ok((file, bytes))
+        });
+        match opened {
+            Ok(opened) => Ok(Some(opened)),
+            Err(error) if is_absent(&error) => Ok(None),
+            Err(error) => Err(io(error)),
+        }
+    }
+}
+
+fn io(error: Error) -> StorageError {
+    StorageError::IOError(Arc::new(error))
+}
+
+/// Reads a part of a file of `size` bytes.
+fn part(file: &mut File, size: u64, range: ByteRange) -> Result<Bytes, StorageError> {
+    let (start, length) = match range {
+        ByteRange::FromStart(start, None) => (start, size.checked_sub(start)),
+        ByteRange::FromStart(start, Some(length)) => {
+            (start, start.checked_add(length).filter(|&end| end <= size).map(|_| length))
+        }
+        ByteRange::Suffix(length) => (size.saturating_sub(length), Some(length).filter(|&l| l <= size)),
+    };
+    let Some(length) = length.and_then(|length| usize::try_from(length).ok()) else {
+        let what = format!("the file ends after {size} bytes, bytes {range} are wanted");
+        return Err(io(Error::new(ErrorKind::UnexpectedEof, what)));
+    };
+    // The file has so many bytes.
+    let mut bytes =
+        reserve::zeroed::<u8>(length, "a chunk").map_err(|e| StorageError::Other(e.to_string()))?;
+    file.seek(SeekFrom::Start(start)).and_then(|_| file.read_exact(&mut bytes)).map_err(io)?;
+    Ok(bytes.into())
+}
+
+impl ReadableStorageTraits for ZarrFiles {
+    fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
+        let Some((mut file, size)) = self.open(key)? else { return Ok(None) };
+        part(&mut file, size, ByteRange::FromStart(0, None)).map(Some)
+    }
+
+    fn get_partial_many<'a>(
+        &'a self,
+        key: &StoreKey,
+        byte_ranges: ByteRangeIterator<'a>,
+    ) -> Result<MaybeBytesIterator<'a>, StorageError> {
+        let Some((mut file, size)) = self.open(key)? else { return Ok(None) };
+        Ok(Some(Box::new(byte_ranges.map(move |range| part(&mut file, size, range)))))
+    }
+
+    fn size_key(&self, key: &StoreKey) -> Result<Option<u64>, StorageError> {
+        Ok(self.open(key)?.map(|(_, size)| size))
+    }
+
+    fn supports_get_partial(&self) -> bool {
+        true
+    }
+}
