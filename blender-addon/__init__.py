@@ -27,7 +27,7 @@ A module imports only from lines below its own:
     sync.*           registry             preferences          file_facts           label_carry          figure_settings
     active_volume
     label_table      properties           cache                devices              mesh_file            units
-    file_paths       volume_place
+    file_paths       volume_place         table_writes
     background       verify_maps
     reports
     native
@@ -77,6 +77,7 @@ from . import (
     proxy_update,
     registry,
     reload_volume,
+    table_writes,
     verify,
     verify_maps,
     viewport,
@@ -88,6 +89,7 @@ MODULES = (
     preferences,
     file_paths,
     registry,
+    table_writes,
     proxy_update,
     figure_settings,
     figure_follow,

@@ -25,6 +25,7 @@ import json
 import bpy
 import numpy as np
 
+from . import table_writes
 from .reports import Refused
 
 # Columns with a meaning of their own; others are numbers that the volume or the user brought.
@@ -116,9 +117,16 @@ def colors(mesh):
     return _read(mesh, "color", "color", np.float32, 4).reshape(-1, 4)
 
 
+def colors_of(mesh, rows):
+    """Linear colours of some rows, (n, 4) float32, in 1 µs each."""
+    data = mesh.attributes["color"].data
+    return np.array([data[row].color[:] for row in rows], dtype=np.float32).reshape(-1, 4)
+
+
 def set_visible(mesh, flags):
     """Sets which labels are drawn; the caller tags the object."""
     _write(mesh, "visible", "BOOLEAN", "value", np.asarray(flags, dtype=bool))
+    table_writes.note(mesh, "visible")
 
 
 def set_slots(mesh, rows, slot):
@@ -126,6 +134,7 @@ def set_slots(mesh, rows, slot):
     all_slots = slots(mesh)
     all_slots[rows] = slot
     _write(mesh, "slot", "INT", "value", all_slots)
+    table_writes.note(mesh, "slot")
 
 
 def selected(mesh):
@@ -170,12 +179,14 @@ def set_color(mesh, rows, linear, own=True):
         linear, own = np.broadcast_to(linear, (len(rows), 3)), np.broadcast_to(own, len(rows))
         for row, one, is_its_own in zip(rows.tolist(), linear.tolist(), own.tolist()):
             color[row].color[:3], is_own[row].value = one, is_its_own
+        table_writes.note(mesh, "color", rows.tolist())
         return
     color, is_own = colors(mesh), own_color(mesh)
     color[rows, :3] = linear
     is_own[rows] = own
     _write(mesh, "color", "FLOAT_COLOR", "color", color)
     _write(mesh, "own_color", "BOOLEAN", "value", is_own)
+    table_writes.note(mesh, "color")
 
 
 def names(mesh):

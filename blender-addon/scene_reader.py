@@ -27,7 +27,8 @@ class Kept:
     """Cache of data that is costly to read, kept from one reading to the next: styles of labels, and triangles."""
 
     def __init__(self, make_mesh=None, styles=None):
-        """`make_mesh` as for `meshes.Geometries`; `styles` are those of an earlier reading, which compares what it reads with them."""
+        """`make_mesh` as for `meshes.Geometries`; `styles` are those of an earlier reading, which compares what it reads with them, or such as
+        a live view has."""
         self.styles = styles or instances.Styles()
         self.geometries = meshes.Geometries(make_mesh)
 

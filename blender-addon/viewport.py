@@ -21,11 +21,13 @@ import bpy
 from . import missing_boxes, native, overlay, picture_texture, preferences, registry, scene_reader
 from .reports import Refused, log, one_line
 from .sync import camera as camera_math
-from .sync import edits, lens, matrix
+from .sync import edits, instances, lens, matrix
 
 ACTIVE_SECONDS = 1.0 / 60.0
 # While nothing is computed, only to notice that Blender freed the engine.
 RESTING_SECONDS = 0.5
+# After edits of labels of which only what the extension wrote was read, when all is read.
+OWED_SECONDS = 0.5
 
 _viewports = {}
 
@@ -75,7 +77,8 @@ class Viewport:
         self.numbers = {}  # instance key → number in the session
         self.next_number = 1
         self.limits = None
-        self.kept = scene_reader.Kept()
+        self.kept = scene_reader.Kept(styles=instances.Styles(follows_writes=True))
+        self._reads_all_at = None  # when all of the label tables is read again
         self.waiting = {}  # path → entry that is being opened
         self.notes = []
         self.camera_seen = None
@@ -92,7 +95,8 @@ class Viewport:
 
     def sync(self, context, depsgraph):
         """Reads the scene and sends what differs."""
-        scene = depsgraph.scene
+        scene, styles = depsgraph.scene, self.kept.styles
+        styles.owes_reading, self._reads_all_at = False, None
         try:
             camera, film = view_of(context, depsgraph, self.engine)
             parts, left_out = scene_reader.read(
@@ -105,6 +109,9 @@ class Viewport:
             log(error)
             notes = [one_line(error)]
         self.notes = notes
+        if styles.owes_reading:
+            self._reads_all_at = time.monotonic() + OWED_SECONDS
+            self._wake()
         self.engine.tag_redraw()
 
     def draw(self, context, depsgraph):
@@ -143,6 +150,9 @@ class Viewport:
             if any(entry.done.is_set() for entry in self.waiting.values()):
                 self.waiting = {}
                 self.engine.tag_update()
+            if self._reads_all_at is not None and time.monotonic() >= self._reads_all_at:
+                self._reads_all_at = None
+                self.engine.tag_update()
             fresh = self._fetch()
             if self.awaits_labels:
                 fresh = self.labels() is not None or fresh
@@ -153,7 +163,8 @@ class Viewport:
         except ReferenceError:
             self.close()
             return None
-        resting = not self.waiting and not self.awaits_labels and (self.session is None or self._state() != "rendering")
+        waits = self.waiting or self.awaits_labels or self._reads_all_at is not None
+        resting = not waits and (self.session is None or self._state() != "rendering")
         if resting and self.active and not fresh:
             self.active = False
             self.engine.tag_redraw()  # the line says that it is done

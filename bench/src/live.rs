@@ -122,7 +122,10 @@ pub fn measure_live(path: &Path, job: &Job) -> Result<Vec<EditLatency>> {
             |i: usize| Ok(SceneEdit::GroupMaterial { id: 1, group: 0, material: material(shade(i)) });
         // Every second edit brings back all labels.
         let show = |flags: Vec<bool>| {
-            Ok(SceneEdit::Show { id: 1, show: Show::from_flags(ids, &flags).map_err(caller)? })
+            Ok(SceneEdit::Show {
+                id: 1,
+                show: Show::from_flags(ids.iter().copied(), flags.iter().copied()).map_err(caller)?,
+            })
         };
         let hide_one =
             |i: usize| show((0..ids.len()).map(|label| i.is_multiple_of(2) || label != i).collect());

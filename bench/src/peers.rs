@@ -352,10 +352,10 @@ fn pumice(
     watch("Pumice, in memory");
     let bytes = volume.resident_parts().iter().map(|p| p.1).sum();
     // The index for single voxels does not belong to the traced form. It is built before the clock starts, as the others' readers are.
-    volume.grid();
+    volume.grid()?;
     let (wrong, reading) = clocked(|| {
         let ids = volume.labels().ids();
-        let id = |&v: &[u32; 3]| volume.label_at(v).map_or(0, |l| ids[l as usize]);
+        let id = |&v: &[u32; 3]| volume.label_at(v).map(|label| label.map_or(0, |l| ids[l as usize]));
         let place = |v: &[u32; 3]| {
             (v[0] as usize) + dims[0] as usize * (v[1] as usize + dims[1] as usize * v[2] as usize)
         };
@@ -364,7 +364,7 @@ fn pumice(
             LabelBuffer::U32(labels) => u64::from(labels[place(v)]),
             _ => u64::MAX,
         };
-        Ok(voxels.iter().filter(|v| id(v) != expected(v)).count())
+        voxels.iter().try_fold(0, |wrong, voxel| Ok(wrong + usize::from(id(voxel)? != expected(voxel))))
     })?;
     if wrong > 0 {
         let path = path.display();
@@ -388,7 +388,7 @@ fn pumice(
         decompress: decoding,
         opening: Took::default(),
         voxel_cpu_seconds: reading.cpu_seconds / voxels.len() as f64,
-        one_voxel: format!("from its box, by an index of {} bytes more", volume.grid().bytes()),
+        one_voxel: format!("from its box, by an index of {} bytes more", volume.grid()?.bytes()),
         traversable: format!("yes, with bricks of {} bytes more", tracing_bytes(&volume)?),
     });
     Ok(programs)

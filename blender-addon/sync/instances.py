@@ -8,9 +8,9 @@ labels, and its label table says to which of them each label belongs.
 
 import numpy as np
 
-from .. import file_paths, label_table, properties, volume_place
+from .. import file_paths, label_table, properties, table_writes, volume_place
 from . import materials, matrix
-from .label_style import Columns, LabelStyle, MadeGroups
+from .label_style import Columns, LabelStyle, MadeGroups, with_rows
 from .parts import Placed
 
 # The bits of 1 in single precision.
@@ -18,10 +18,16 @@ ONE_BITS = 0x3F800000
 
 
 class Styles:
-    """The last style of each volume object: reading it again gives the very same value while nothing changed."""
+    """The last style of each volume object: reading it again gives the very same value while nothing changed.
 
-    def __init__(self):
+    With `follows_writes`, a reading after writes of the extension itself takes these alone from a label table (`table_writes`). `owes_reading`
+    says that the last one did: whoever reads then reads again soon."""
+
+    def __init__(self, *, follows_writes=False):
         self._kept = {}
+        self._follows_writes = follows_writes
+        self._read = {}  # by object: (its table, number of slots, number of the last write before it was read)
+        self.owes_reading = False
 
     def read(self, obj):
         """(style, what was left out) of an evaluated volume object. Its materials may be animated, so the evaluated ones count;
@@ -30,7 +36,8 @@ class Styles:
         dresses = tuple((fields, colored) for fields, colored, _ in read)
         left_out = [line for _, _, lines in read for line in lines]
         table = obj.original.pumice.table
-        columns, kept = _columns(table, len(read)), self._kept.get(obj.original.session_uid)
+        kept = self._kept.get(obj.original.session_uid)
+        columns = self._columns(obj.original.session_uid, table, len(read), None if kept is None else kept.columns)
         if kept is not None and kept.columns is not None and columns is not None:
             columns = columns.unless_changed(kept.columns)
         if kept is None or kept.materials != dresses or kept.columns is not columns:
@@ -39,6 +46,31 @@ class Styles:
         if columns is not None:
             left_out += _unused(obj, columns.group)
         return kept, left_out
+
+
+    def _columns(self, uid, table, slots, kept):
+        """As `_columns`; where the extension's own writes alone came after an earlier reading, whose columns are `kept`, only they are read."""
+        if not self._follows_writes or table is None:
+            return _columns(table, slots)
+        number = table_writes.now()
+        *same, former = self._read.get(uid, (None, None, None))
+        self._read[uid] = (table.session_uid, slots, number)
+        is_known = kept is not None and same == [table.session_uid, slots] and len(table.vertices) == len(kept.ids)
+        written = table_writes.since(table, former) if is_known else None
+        if written is None:
+            return _columns(table, slots)
+        self.owes_reading = True
+        visible = label_table.visible(table) if "visible" in written else kept.visible
+        group = _groups(table, slots) if "slot" in written else kept.group
+        color = kept.color
+        if "color" in written:
+            rows = written["color"]
+            if rows is None:
+                color = _colors(table)
+            else:
+                rows = np.unique(rows)
+                color = with_rows(color, rows, _in_range(label_table.colors_of(table, rows)))
+        return Columns(kept.ids, visible, group, color)
 
 
 def left_out_of(obj):
@@ -78,12 +110,17 @@ def _columns(table, slots):
     """The columns of a label table that affect the scene; None without a table."""
     if table is None:
         return None
-    color = label_table.colors(table)
-    # Scripts alone exceed this range. The bits of a number above 1, below 0 or NaN, taken as a whole number, are above those of 1; to compare
-    # them takes a tenth of the time of clipping.
-    if color.view(np.uint32).max(initial=0) > ONE_BITS:
-        color = color.clip(0.0, 1.0)
-    return Columns(label_table.ids(table), label_table.visible(table), _groups(table, slots), color)
+    return Columns(label_table.ids(table), label_table.visible(table), _groups(table, slots), _colors(table))
+
+
+def _colors(table):
+    return _in_range(label_table.colors(table))
+
+
+def _in_range(color):
+    """Colors from 0 to 1. Scripts alone exceed this range. The bits of a number above 1, below 0 or NaN, taken as a whole number, are above
+    those of 1; to compare them takes a tenth of the time of clipping."""
+    return color.clip(0.0, 1.0) if color.view(np.uint32).max(initial=0) > ONE_BITS else color
 
 
 def _groups(table, slots):

@@ -73,6 +73,18 @@ def _rows_of_other_colors(color, former):
     return rows
 
 
+def with_rows(former, rows, colors):
+    """Colors (n, 4) with others in some rows, which rise; `former` itself where they are the same. Which rows differ is known then."""
+    global _compared
+    differ = rows[(former[rows] != colors).any(axis=1)]
+    if not len(differ):
+        return former
+    color = former.copy()
+    color[rows] = colors
+    _compared = weakref.ref(color), weakref.ref(former), differ
+    return color
+
+
 class MadeGroups:
     """The groups that were made last of the labels of a volume object, from which the next ones are made where only colors differ."""
 

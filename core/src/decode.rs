@@ -1,21 +1,32 @@
 //! Decodes boxes to labels: one voxel, or a block of voxels.
 
 use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
-use crate::reserve::{reserved, zeroed};
+use crate::reserve::{make_room, reserved, zeroed};
 use crate::{BoxView, CompressedVolume, Error, Result};
 
 impl CompressedVolume {
     /// Spatial index of the boxes, built on first use.
-    pub fn grid(&self) -> &BoxGrid {
-        self.grid.get_or_init(|| self.new_grid())
+    ///
+    /// # Errors
+    /// [`Error::Memory`]; the next query tries again.
+    pub fn grid(&self) -> Result<&BoxGrid> {
+        if let Some(grid) = self.grid.get() {
+            return Ok(grid);
+        }
+        // Threads that ask at once may each build one; the first is kept.
+        let grid = self.new_grid()?;
+        Ok(self.grid.get_or_init(|| grid))
     }
 
     /// Builds a spatial index that the caller owns, for callers that need one only once and do not want the volume to keep its memory.
-    pub(crate) fn new_grid(&self) -> BoxGrid {
-        BoxGrid::new(self.boxes().len(), |i| {
+    ///
+    /// # Errors
+    /// [`Error::Memory`].
+    pub(crate) fn new_grid(&self) -> Result<BoxGrid> {
+        Ok(BoxGrid::new(self.boxes().len(), |i| {
             let place = self.place_of_box(i);
             (place.origin, place.extent)
-        })
+        })?)
     }
 
     /// Frees the spatial index; the next query builds it again.
@@ -24,15 +35,16 @@ impl CompressedVolume {
     }
 
     /// Dense label index of a voxel; `None` for background and outside the volume.
-    pub fn label_at(&self, voxel: [u32; 3]) -> Option<u32> {
+    ///
+    /// # Errors
+    /// As [`CompressedVolume::grid`].
+    pub fn label_at(&self, voxel: [u32; 3]) -> Result<Option<u32>> {
         if (0..3).any(|a| voxel[a] >= self.info.dims[a]) {
-            return None;
+            return Ok(None);
         }
-        let boxes = self.grid().boxes_in(voxel.map(|v| v / BRICK_VOXELS));
-        boxes
-            .iter()
-            .find(|&&i| self.get_box(i as usize).contains(voxel))
-            .map(|&i| self.label_of_box(i as usize))
+        let boxes = self.grid()?.boxes_in(voxel.map(|v| v / BRICK_VOXELS));
+        let found = boxes.iter().find(|&&i| self.get_box(i as usize).contains(voxel));
+        Ok(found.map(|&i| self.label_of_box(i as usize)))
     }
 
     /// Labels of a block, x fastest, as dense index + 1; 0 is background.
@@ -40,7 +52,7 @@ impl CompressedVolume {
     /// # Errors
     /// [`Error::Caller`] when the block is not within the volume, [`Error::Memory`] when it does not fit into memory.
     pub fn decode_block(&self, origin: [u32; 3], dims: [u32; 3]) -> Result<Vec<u32>> {
-        self.decode_block_by(self.grid(), origin, dims)
+        self.decode_block_by(self.grid()?, origin, dims)
     }
 
     /// Like [`CompressedVolume::decode_block`], with a spatial index that the caller provides.
@@ -62,9 +74,12 @@ impl CompressedVolume {
             return Ok(labels);
         }
         let last = [0, 1, 2].map(|a| (origin[a] + dims[a] - 1) / BRICK_VOXELS);
-        let mut boxes: Vec<u32> = cells_between(origin.map(|o| o / BRICK_VOXELS), last)
-            .flat_map(|brick| grid.boxes_in(brick).iter().copied())
-            .collect();
+        let mut boxes: Vec<u32> = Vec::new();
+        for brick in cells_between(origin.map(|o| o / BRICK_VOXELS), last) {
+            let within = grid.boxes_in(brick);
+            make_room(&mut boxes, within.len(), "a list of the boxes of a block of labels")?;
+            boxes.extend_from_slice(within);
+        }
         boxes.sort_unstable();
         boxes.dedup();
         for i in boxes {

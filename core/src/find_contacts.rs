@@ -95,7 +95,7 @@ impl CompressedVolume {
     /// [`Error::Cancelled`]; [`Error::Memory`]; [`Error::Caller`] when two labels claim one voxel, which this search detects.
     pub fn find_contacts(&self, job: &Job) -> Result<Contacts> {
         // A grid for this call only: most volumes never need one again.
-        let grid = self.new_grid();
+        let grid = self.new_grid()?;
         let pairs = find(self, &grid, grid.bricks(), Vec::new(), job)?;
         Ok(Contacts::pack(&pairs, self.labels().len() as u32)?)
     }
@@ -105,7 +105,7 @@ impl CompressedVolume {
         let pairs = if self.info().dims.iter().all(|&n| n <= CHUNK_VOXELS) {
             rising(known)
         } else {
-            let grid = self.new_grid();
+            let grid = self.new_grid()?;
             let is_at_border = |code: &u64| {
                 let upper = morton::decode(*code).map(|b| (b + 1) * BRICK_VOXELS);
                 upper.iter().any(|&u| u.is_multiple_of(CHUNK_VOXELS))

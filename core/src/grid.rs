@@ -9,10 +9,17 @@
 
 use rayon::prelude::*;
 
-use crate::morton;
+use crate::reserve::{collected_by_threads, reserved, zeroed};
+use crate::{NoMemory, morton};
 
 /// Side of a brick in voxels.
 pub const BRICK_VOXELS: u32 = 16;
+
+/// Boxes of one task while the index is built.
+const TASK_BOXES: usize = 4096;
+
+/// What is said to need the memory.
+const WHAT: &str = "the index of a volume's boxes by place";
 
 /// Spatial index of boxes by brick; the module documentation draws its arrays.
 #[derive(Clone, Debug, Default)]
@@ -24,30 +31,59 @@ pub struct BoxGrid {
 
 impl BoxGrid {
     /// Builds the index of `boxes` boxes; `place` returns the lowest voxel and the extent in voxels of a box.
-    pub(crate) fn new(boxes: usize, place: impl Fn(usize) -> ([u32; 3], [u32; 3]) + Sync) -> Self {
-        let mut pairs: Vec<(u64, u32)> = (0..boxes as u32)
-            .into_par_iter()
-            .flat_map_iter(|i| {
-                let (origin, extent) = place(i as usize);
-                let first = origin.map(|o| o / BRICK_VOXELS);
-                let last = [0, 1, 2].map(|a| (origin[a] + extent[a] - 1) / BRICK_VOXELS);
-                cells_between(first, last).map(move |brick| (morton::encode(brick), i))
-            })
-            .collect();
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(crate) fn new(
+        boxes: usize,
+        place: impl Fn(usize) -> ([u32; 3], [u32; 3]) + Sync,
+    ) -> Result<Self, NoMemory> {
+        // The lowest and the highest brick that a box touches.
+        let ends = |index: usize| {
+            let (origin, extent) = place(index);
+            [origin, [0, 1, 2].map(|a| origin[a] + extent[a] - 1)]
+                .map(|voxel| voxel.map(|c| c / BRICK_VOXELS))
+        };
+        let tasks = boxes.div_ceil(TASK_BOXES);
+        let boxes_of = |task: usize| task * TASK_BOXES..boxes.min((task + 1) * TASK_BOXES);
+
+        // Count the pairs of a brick and a box that each task finds, so that each writes to its own part of one list.
+        let pairs_of_box = |index: usize| {
+            let [first, last] = ends(index);
+            (0..3).map(|a| (last[a] - first[a] + 1) as usize).product::<usize>()
+        };
+        let count = |task: usize| boxes_of(task).map(pairs_of_box).sum::<usize>();
+        let counts = collected_by_threads((0..tasks).into_par_iter().map(count), WHAT)?;
+        let mut pairs: Vec<(u64, u32)> = zeroed(counts.iter().sum(), WHAT)?;
+        let mut parts = reserved(tasks, WHAT)?;
+        let mut rest = pairs.as_mut_slice();
+        for count in counts {
+            let (part, after) = rest.split_at_mut(count);
+            parts.push(part);
+            rest = after;
+        }
+        parts.into_par_iter().enumerate().for_each(|(task, part)| {
+            let found = boxes_of(task).flat_map(|index| {
+                let [first, last] = ends(index);
+                cells_between(first, last).map(move |brick| (morton::encode(brick), index as u32))
+            });
+            part.iter_mut().zip(found).for_each(|(to, pair)| *to = pair);
+        });
         pairs.par_sort_unstable();
-        let mut grid = Self::default();
-        grid.boxes.reserve_exact(pairs.len());
-        for &(brick, index) in &pairs {
-            if grid.bricks.last() != Some(&brick) {
-                grid.bricks.push(brick);
-                grid.starts.push(grid.boxes.len() as u32);
-            }
-            grid.boxes.push(index);
+
+        let bricks = pairs.chunk_by(|a, b| a.0 == b.0).count();
+        let mut grid = Self {
+            bricks: reserved(bricks, WHAT)?,
+            starts: reserved(bricks + 1, WHAT)?,
+            boxes: reserved(pairs.len(), WHAT)?,
+        };
+        for of_brick in pairs.chunk_by(|a, b| a.0 == b.0) {
+            grid.bricks.push(of_brick[0].0);
+            grid.starts.push(grid.boxes.len() as u32);
+            grid.boxes.extend(of_brick.iter().map(|pair| pair.1));
         }
         grid.starts.push(grid.boxes.len() as u32);
-        grid.bricks.shrink_to_fit();
-        grid.starts.shrink_to_fit();
-        grid
+        Ok(grid)
     }
 
     /// Indices of the boxes that overlap a brick (voxel coordinates / 16), in rising order.

@@ -82,7 +82,7 @@ impl SortedCells {
             for run in same_id {
                 cells.extend_from_slice(&parts[run.part as usize].cells[run.start..run.end]);
             }
-            sort_and_or(&mut cells);
+            sort_and_or(&mut cells)?;
             merged.ids.push(same_id[0].id);
             merged.cells.extend_from_slice(&cells);
             merged.offsets.push(merged.cells.len());

@@ -195,7 +195,7 @@ impl StoredParts {
             }
         }
         if runs.len() > 1 {
-            sort_and_or(cells);
+            sort_and_or(cells)?;
         }
         Ok(())
     }

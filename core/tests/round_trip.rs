@@ -216,14 +216,16 @@ fn every_voxel_can_be_asked_for() {
         for z in 0..volume.dims[2] {
             for y in 0..volume.dims[1] {
                 for x in 0..volume.dims[0] {
-                    let got =
-                        compressed.label_at([x, y, z]).map_or(0, |l| compressed.labels().ids()[l as usize]);
+                    let got = compressed
+                        .label_at([x, y, z])
+                        .unwrap()
+                        .map_or(0, |l| compressed.labels().ids()[l as usize]);
                     assert_eq!(got, volume.ids[i], "{} at {:?}", volume.name, [x, y, z]);
                     i += 1;
                 }
             }
         }
-        assert_eq!(compressed.label_at(volume.dims), None);
+        assert_eq!(compressed.label_at(volume.dims).unwrap(), None);
     }
 }
 

@@ -57,7 +57,7 @@ fn a_volume_of_no_voxels_is_a_volume() {
         .unwrap();
     let back = CompressedVolume::open(&path, &Job::new()).unwrap();
     assert!(back.labels().is_empty() && back.boxes().is_empty());
-    assert_eq!(back.label_at([0; 3]), None);
+    assert_eq!(back.label_at([0; 3]).unwrap(), None);
 }
 
 #[test]

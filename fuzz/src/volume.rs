@@ -104,7 +104,7 @@ fn use_all(volume: &CompressedVolume, path: &Path, seed: usize) {
             let origin = volume.get_box(index).origin;
             let size = [0, 1, 2].map(|a| (dims[a] - origin[a]).min(20));
             volume.decode_block(origin, size).expect("within the volume");
-            assert!(volume.label_at(origin).is_none_or(|l| l < labels));
+            assert!(volume.label_at(origin).expect("memory").is_none_or(|l| l < labels));
         }
     }
     // Opening does not search for voxels that two labels claim (`file::check` explains why), but finding contacts does.

@@ -30,11 +30,10 @@ use std::collections::{BTreeMap, HashSet};
 use std::path::Path;
 use std::sync::Arc;
 
-use pumice_core::reserve::collected;
 use pumice_core::{CompressedVolume, LabelTable, NoMemory};
-use pumice_scene::{Pass, Scene};
+use pumice_scene::{Film, Pass, Scene};
 
-use crate::film::{FilmBuffer, PICTURE};
+use crate::film::FilmBuffer;
 use crate::picture::Picture;
 
 /// Type name of labels without a type.
@@ -132,11 +131,8 @@ impl FilmBuffer {
         let mut at = kept.mattes_at();
         let mut mattes = Vec::new();
         for (&pass, _) in kinds {
-            let ranked = self.of_each_pixel(|sums, n| ranked(&sums[at..][..2 * slots], n, slots / 2))?;
-            let layer = |l: usize| {
-                let four = ranked.iter().map(|ranks| [0, 1, 2, 3].map(|c| ranks[4 * l + c]));
-                collected(ranked.len(), four, PICTURE)
-            };
+            let layer =
+                |l: usize| self.of_each_pixel(|sums, n| two_ranks(&sums[at..][..2 * slots], n, 2 * l));
             let layers = (0..slots / 4).map(layer).collect::<Result<_, _>>()?;
             mattes.push(Matte { pass, layers, names: BTreeMap::new() });
             at += 2 * slots;
@@ -145,12 +141,20 @@ impl FilmBuffer {
     }
 }
 
-/// (id, coverage), … of the first ranks; among equal coverages, the id that came first is first.
-fn ranked(slots: &[f32], samples: f32, ranks: usize) -> Vec<f32> {
-    let mut pairs: Vec<[f32; 2]> = slots.as_chunks().0.to_vec();
-    pairs.sort_by(|a, b| b[1].total_cmp(&a[1]));
-    pairs.truncate(ranks);
-    pairs.iter().flat_map(|&[id, count]| [id, count / samples]).collect()
+/// Id, coverage, id, coverage of the rank `first` (0 is the highest coverage) and the next; among equal coverages, the id that came first is
+/// first.
+///
+/// Each layer ranks a pixel's slots anew, with nothing on the heap: few pixels see more than two ids.
+fn two_ranks(slots: &[f32], samples: f32, first: usize) -> [f32; 4] {
+    let mut pairs = [[0f32; 2]; 2 * Film::MOST_RANKS as usize];
+    let slots = slots.as_chunks::<2>().0;
+    for (taken, &slot) in slots.iter().enumerate() {
+        let place = pairs[..taken].iter().rposition(|pair| pair[1] >= slot[1]).map_or(0, |last| last + 1);
+        pairs[place..=taken].rotate_right(1);
+        pairs[place] = slot;
+    }
+    let [[a, count_a], [b, count_b]] = [pairs[first], pairs[first + 1]];
+    [a, count_a / samples, b, count_b / samples]
 }
 
 /// Adds to the picture's mattes the names of the ids that occur in them.
@@ -219,8 +223,8 @@ mod tests {
     #[test]
     fn ranks_fall_and_those_alike_stay_in_order() {
         let slots = [1.5, 2.0, 2.5, 5.0, 3.5, 2.0, 0.0, 0.0];
-        assert_eq!(ranked(&slots, 10.0, 2), [2.5, 0.5, 1.5, 0.2]);
-        assert_eq!(ranked(&slots, 10.0, 4)[4..], [3.5, 0.2, 0.0, 0.0]);
+        assert_eq!(two_ranks(&slots, 10.0, 0), [2.5, 0.5, 1.5, 0.2]);
+        assert_eq!(two_ranks(&slots, 10.0, 2), [3.5, 0.2, 0.0, 0.0]);
     }
 
     #[test]

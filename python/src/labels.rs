@@ -57,8 +57,9 @@ fn fours(colors: &[f32]) -> PyResult<&[[f32; 4]]> {
 
 /// The choice of drawn labels from one byte for each label, 0 where it is hidden.
 pub(crate) fn show(py: Python<'_>, ids: &PyBuffer<u64>, visible: &PyBuffer<u8>) -> PyResult<Show> {
-    let flags: Vec<bool> = visible.to_vec(py)?.into_iter().map(|byte| byte != 0).collect();
-    Show::from_flags(&ids.to_vec(py)?, &flags).map_err(IntoException::into_exception)
+    let (ids, flags) = (ids.to_vec(py)?, visible.to_vec(py)?);
+    Show::from_flags(ids.iter().copied(), flags.iter().map(|byte| *byte != 0))
+        .map_err(IntoException::into_exception)
 }
 
 /// Which labels are drawn, as arrays: ids in rising order, and one byte for each.

@@ -306,7 +306,7 @@ impl Volume {
     /// Original id of the label at a voxel; 0 is background. The first query builds the index.
     fn label_at(&self, py: Python<'_>, x: u32, y: u32, z: u32) -> PyResult<u64> {
         detached(py, || {
-            let label = self.0.label_at([x, y, z]);
+            let label = self.0.label_at([x, y, z])?;
             Ok::<_, CoreError>(label.map_or(0, |label| self.0.labels().ids()[label as usize]))
         })
     }

@@ -27,10 +27,19 @@ impl Show {
     /// [`SceneError::Field`] names the first id of [`Show::Only`] that the volume lacks: a figure in which a label is silently missing
     /// would be wrong.
     pub fn resolve(&self, field: &str, ids: &[u64]) -> Result<Vec<bool>, SceneError> {
+        self.check(field, ids)?;
+        Ok(self.among(ids))
+    }
+
+    /// Checks as [`Show::resolve`] does, without a list of all labels: live views check at each edit.
+    ///
+    /// # Errors
+    /// As [`Show::resolve`].
+    pub fn check(&self, field: &str, ids: &[u64]) -> Result<(), SceneError> {
         if let Self::Only(named) = self {
-            // Live views check long lists at each edit: sorted ones are compared in one pass.
+            // Sorted lists are compared in one pass.
             if named.is_sorted_by(|a, b| a < b) && each_place_in(named, ids).count() == named.len() {
-                return Ok(self.among(ids));
+                return Ok(());
             }
             for (i, &id) in named.iter().enumerate() {
                 if ids.binary_search(&id).is_ok() {
@@ -48,7 +57,7 @@ impl Show {
                 return Err(SceneError::Field { field: format!("{field}.only[{i}]"), problem });
             }
         }
-        Ok(self.among(ids))
+        Ok(())
     }
 
     /// Whether each of `ids`, in rising order, is drawn. Named ids that are not in `ids` are ignored: this chooses what to read from a
@@ -66,20 +75,23 @@ impl Show {
         visible
     }
 
-    /// The choice in which label `ids[i]` is drawn if `flags[i]` is set; it lists the fewer: those drawn or those hidden.
+    /// The choice in which each id is drawn whose flag is set; it lists the fewer: those drawn or those hidden.
     ///
     /// # Errors
     /// [`SceneError::Field`] if there is not one flag for each id.
-    pub fn from_flags(ids: &[u64], flags: &[bool]) -> Result<Self, SceneError> {
+    pub fn from_flags(
+        ids: impl ExactSizeIterator<Item = u64> + Clone,
+        flags: impl ExactSizeIterator<Item = bool> + Clone,
+    ) -> Result<Self, SceneError> {
         if ids.len() != flags.len() {
             let problem = format!("expected one flag for each of {} labels, got {}", ids.len(), flags.len());
             return Err(SceneError::Field { field: "visible".into(), problem });
         }
-        let drawn = flags.iter().filter(|flag| **flag).count();
-        let listed = |which: bool| {
-            ids.iter().zip(flags).filter(|(_, flag)| **flag == which).map(|(id, _)| *id).collect()
-        };
-        Ok(match ids.len() - drawn {
+        let labels = ids.len();
+        let drawn = flags.clone().filter(|flag| *flag).count();
+        let listed =
+            |which: bool| ids.zip(flags).filter(|(_, flag)| *flag == which).map(|(id, _)| id).collect();
+        Ok(match labels - drawn {
             0 => Self::All,
             hidden if hidden > drawn => Self::Only(listed(true)),
             _ => Self::Except(listed(false)),
@@ -131,7 +143,7 @@ mod tests {
 
     #[test]
     fn flags_are_listed_by_the_shorter_list() {
-        let of = |flags: [bool; 4]| Show::from_flags(&IDS, &flags).unwrap();
+        let of = |flags: [bool; 4]| Show::from_flags(IDS.into_iter(), flags.into_iter()).unwrap();
         assert_eq!(of([true; 4]), Show::All);
         assert_eq!(of([false; 4]), Show::Only(vec![]));
         assert_eq!(of([false, true, false, false]), Show::Only(vec![17]));
@@ -139,7 +151,7 @@ mod tests {
         for flags in (0..16).map(|bits: u8| [0, 1, 2, 3].map(|i| bits >> i & 1 == 1)) {
             assert_eq!(of(flags).resolve("show", &IDS).unwrap(), flags);
         }
-        let problem = Show::from_flags(&IDS, &[true]).unwrap_err().to_string();
+        let problem = Show::from_flags(IDS.into_iter(), [true].into_iter()).unwrap_err().to_string();
         assert_eq!(problem, "visible: expected one flag for each of 4 labels, got 1");
     }
 

@@ -164,7 +164,7 @@ pub fn open_labels(
     }
     let show = Show::Only(ids.to_vec());
     let volume = open_chosen(path, &[&show], reading, Residence::Copied, job)?;
-    show.resolve("labels", volume.labels().ids()).map_err(|e| SessionError::Caller(e.to_string()))?;
+    show.check("labels", volume.labels().ids()).map_err(|e| SessionError::Caller(e.to_string()))?;
     Ok(volume)
 }
 

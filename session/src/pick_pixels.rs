@@ -147,7 +147,8 @@ pub fn find_voxel(
     };
     let camera = picture.provenance.as_ref().map(|made| made.scene.camera);
     let position = DVec3::from_array(position.map(f64::from));
-    Ok(camera.and_then(|camera| voxel_at(volume, &instance.world_from_index, &camera, position, label)))
+    let find = |camera| voxel_at(volume, &instance.world_from_index, &camera, position, label);
+    Ok(camera.map(find).transpose()?.flatten())
 }
 
 /// An instance of a picture's scene, and the hash of its volume.
@@ -165,8 +166,8 @@ fn voxel_at(
     camera: &Camera,
     p_in_world: DVec3,
     id: u64,
-) -> Option<[u32; 3]> {
-    let label = volume.labels().index_of(id)?;
+) -> Result<Option<[u32; 3]>> {
+    let Some(label) = volume.labels().index_of(id) else { return Ok(None) };
     let index_from_world = world_from_index.inverse();
     let p = index_from_world.transform_point3(p_in_world);
     let ray = match camera.projection {
@@ -192,7 +193,12 @@ fn voxel_at(
     // All planes crossed first: where the ray goes on from an edge. Then fewer, as where a face ends at that edge.
     let all = (0..3).filter(|&a| on_plane[a]).map(|a| 1 << a).sum::<usize>();
     let ways = (0..8usize).rev().filter(|way| way & !all == 0);
-    ways.filter_map(behind).find(|&voxel| volume.label_at(voxel) == Some(label))
+    for voxel in ways.filter_map(behind) {
+        if volume.label_at(voxel)? == Some(label) {
+            return Ok(Some(voxel));
+        }
+    }
+    Ok(None)
 }
 
 #[cfg(test)]
@@ -277,7 +283,7 @@ mod tests {
                     0 => camera(eye, toward + DVec3::new(0.3, -0.2, 0.1) * toward.length(), false),
                     _ => camera(eye + DVec3::new(5.0, 3.0, -4.0), toward, true),
                 };
-                let got = voxel_at(&volume, &place, &camera, in_a_picture(hit), u64::from(id));
+                let got = voxel_at(&volume, &place, &camera, in_a_picture(hit), u64::from(id)).unwrap();
                 // Of one label, a point within the rounding of an edge may lie on either of two faces of it.
                 let p = origin + direction * t;
                 let on_planes = (0..3).filter(|&a| (p[a] - p[a].round()).abs() < 1e-5).count();
@@ -286,7 +292,7 @@ mod tests {
                     met += 1;
                 }
                 // Negative control: a label that is not there, and one that is elsewhere.
-                assert_eq!(voxel_at(&volume, &place, &camera, in_a_picture(hit), 999), None);
+                assert_eq!(voxel_at(&volume, &place, &camera, in_a_picture(hit), 999).unwrap(), None);
             }
         }
         assert!(met > 2000, "{met}");
@@ -299,8 +305,9 @@ mod tests {
         ids[(1 + SIDE * (1 + SIDE)) as usize] = 3;
         let one = volume(ids.clone());
         let eye = DVec3::new(-4.0, -3.0, 1.5);
-        let at =
-            |p: DVec3, eye: DVec3| voxel_at(&one, &DAffine3::IDENTITY, &camera(eye, p - eye, false), p, 3);
+        let at = |p: DVec3, eye: DVec3| {
+            voxel_at(&one, &DAffine3::IDENTITY, &camera(eye, p - eye, false), p, 3).unwrap()
+        };
         assert_eq!(at(DVec3::new(1.0, 1.0, 1.5), eye), Some([1, 1, 1]));
         // Past the far edge of a face, where the way behind the edge is empty, the face's own voxel is told.
         assert_eq!(at(DVec3::new(1.0, 2.0, 1.5), eye), Some([1, 1, 1]));
@@ -313,7 +320,7 @@ mod tests {
         let eye = DVec3::new(-4.0, 0.5, 0.5);
         let edge =
             voxel_at(&two, &DAffine3::IDENTITY, &camera(eye, DVec3::X, false), DVec3::new(0.0, 0.5, 0.5), 3);
-        assert_eq!(edge, Some([0; 3]));
+        assert_eq!(edge.unwrap(), Some([0; 3]));
         // A quarter of a voxel inside of a voxel no face is near: the point's own voxel is told.
         assert_eq!(at(DVec3::new(1.25, 1.5, 1.5), eye), Some([1, 1, 1]));
         assert_eq!(at(DVec3::new(2.25, 1.5, 1.5), eye), None);

@@ -191,10 +191,10 @@ fn check_labels(place: usize, instance: &Instance, volume: &CompressedVolume) ->
         return Ok(());
     }
     let (ids, field) = (volume.labels().ids(), format!("instances[{place}].style.show"));
-    let shown = instance.style.show.resolve(&field, ids).map_err(fault)?;
     if volume.is_whole() {
-        return Ok(());
+        return instance.style.show.check(&field, ids).map_err(fault);
     }
+    let shown = instance.style.show.resolve(&field, ids).map_err(fault)?;
     let missing = (0u32..).zip(shown).find(|(label, is_shown)| *is_shown && !volume.holds(*label));
     match missing {
         None => Ok(()),

@@ -59,7 +59,7 @@ pub fn for_each_face_block(
         )));
     }
     // Bricks rise in Morton order, so those of one block are consecutive.
-    let mut blocks: Vec<u64> = volume.grid().bricks().iter().map(|&b| b >> BLOCK_FROM_BRICK_BITS).collect();
+    let mut blocks: Vec<u64> = volume.grid()?.bricks().iter().map(|&b| b >> BLOCK_FROM_BRICK_BITS).collect();
     blocks.dedup();
     job.begin(blocks.len() as u64);
     for group in blocks.chunks(BLOCKS_A_THREAD * rayon::current_num_threads()) {

@@ -153,7 +153,7 @@ impl<'a> Surface<'a> {
         // Bricks rise in Morton order, so those of one block are consecutive.
         let block_voxels = BLOCK as u32 * self.side();
         let brick_bits = 3 * (block_voxels / BRICK_VOXELS).ilog2();
-        let mut blocks: Vec<u64> = self.volume.grid().bricks().iter().map(|&b| b >> brick_bits).collect();
+        let mut blocks: Vec<u64> = self.volume.grid()?.bricks().iter().map(|&b| b >> brick_bits).collect();
         blocks.dedup();
         let low = self.region.low().map(|c| c.saturating_sub(BEYOND_REGION));
         let high = self.region.high().map(|c| c + BEYOND_REGION);
@@ -187,11 +187,11 @@ impl<'a> Surface<'a> {
 
     /// Labels of the block whose lowest element is `origin`, and of its margin.
     pub(crate) fn elements(&self, origin: [u32; 3]) -> Result<Elements, Error> {
-        Ok(match self.level {
-            DetailLevel::Voxels => self.voxels(origin)?,
+        match self.level {
+            DetailLevel::Voxels => self.voxels(origin),
             DetailLevel::Cells => self.cells(origin, |view| view.node.occupied),
             DetailLevel::Boxes => self.cells(origin, |view| cells_of_extent(view.extent)),
-        })
+        }
     }
 
     /// The surface of a block: the faces that `keep` takes, each asked about as a square of its own, as rectangles.
@@ -281,14 +281,15 @@ impl<'a> Surface<'a> {
     }
 
     /// Labels of the cells, of which `of_box` says which a box has: bit x + 4 y + 16 z.
-    fn cells(&self, origin: [u32; 3], of_box: impl Fn(&BoxView<'_>) -> u64) -> Elements {
+    fn cells(&self, origin: [u32; 3], of_box: impl Fn(&BoxView<'_>) -> u64) -> Result<Elements, Error> {
         let mut elements = vec![0; WITH_MARGIN.pow(3)];
         let bricks = origin.map(|o| [o.saturating_sub(1) / 4, (o + BLOCK as u32) / 4]);
+        let grid = self.volume.grid()?;
         let mut boxes: Vec<u32> = Vec::new();
         for z in bricks[2][0]..=bricks[2][1] {
             for y in bricks[1][0]..=bricks[1][1] {
                 for x in bricks[0][0]..=bricks[0][1] {
-                    boxes.extend(self.volume.grid().boxes_in([x, y, z]));
+                    boxes.extend(grid.boxes_in([x, y, z]));
                 }
             }
         }
@@ -319,7 +320,7 @@ impl<'a> Surface<'a> {
                 }
             }
         }
-        elements
+        Ok(elements)
     }
 
     /// Appends the faces on one side of the elements of a block that `keep` takes.

@@ -1,12 +1,13 @@
 //! What a renderer shows: a scene, its parts on the device, and the film. A new scene reuses those parts of the former one that are still
 //! valid.
 
+use std::iter::repeat_n;
 use std::sync::Arc;
 use std::time::Duration;
 
 use bytemuck::Zeroable as _;
 use pumice_core::Job;
-use pumice_core::reserve::collected;
+use pumice_core::reserve::{collected, zeroed};
 use pumice_picture::film::PICTURE;
 use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, film_memory, name_labels, name_mattes};
 use pumice_scene::{Part, PartSet};
@@ -167,7 +168,7 @@ impl Shown {
         &self,
         machine: &mut DeviceContext,
         job: &Job,
-    ) -> Result<Vec<Option<SeenLabel>>, DeviceError> {
+    ) -> Result<Vec<Option<SeenLabel>>, UploadError> {
         self.firsts(machine, 1, job, |hit: &HitRecord| label_of(&hit.surface))
     }
 
@@ -219,15 +220,18 @@ impl Shown {
         wanted: u32,
         job: &Job,
         of: impl Fn(&R) -> T,
-    ) -> Result<Vec<T>, DeviceError> {
+    ) -> Result<Vec<T>, UploadError> {
         let [width, height] = self.film.size;
-        let mut firsts = vec![of(&R::zeroed()); width as usize * height as usize];
+        let pixels = width as usize * height as usize;
+        let memory = RenderError::from;
+        let none = repeat_n(of(&R::zeroed()), pixels);
+        let mut firsts = collected(pixels, none, PICTURE).map_err(memory)?;
         let mut at = Cursor::default();
         while let Some((tile, after)) = machine.slices_of_firsts.next([width, height], at, 1) {
             if job.is_cancelled() {
                 break;
             }
-            let mut records = vec![R::zeroed(); tile.pixels() as usize];
+            let mut records: Vec<R> = zeroed(tile.pixels() as usize, PICTURE).map_err(memory)?;
             let taken = self.first(machine, &tile, wanted, bytemuck::cast_slice_mut(&mut records))?;
             machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
             for (row, y) in records.chunks(tile.width as usize).zip(tile.y..) {

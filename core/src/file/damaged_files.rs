@@ -112,7 +112,7 @@ fn use_all(volume: &CompressedVolume) {
     if volume.info().voxels() < 1 << 22 {
         let _ = volume.decode_ids([0; 3], dims).unwrap();
     }
-    let _ = volume.label_at([3, 3, 3]);
+    let _ = volume.label_at([3, 3, 3]).unwrap();
     let _ = volume.find_contacts(&Job::new());
 }
 

@@ -58,7 +58,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
     job.begin(pieces.iter().map(voxels).sum());
 
     // A grid for this call only, so that saving does not enlarge the volume in memory.
-    let (grid, labelled) = (volume.new_grid(), AtomicU64::new(0));
+    let (grid, labelled) = (volume.new_grid()?, AtomicU64::new(0));
     let streams: Vec<Vec<u8>> = pieces
         .par_iter()
         .map(|&origin| {

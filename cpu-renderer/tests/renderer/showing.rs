@@ -60,7 +60,8 @@ fn hidden_labels_leave_the_picture_of_a_new_renderer() {
                 3 => visible.iter_mut().for_each(|v| *v = random.below(20) == 0),
                 _ => visible[random.below(ids.len() as u32) as usize] ^= true,
             }
-            scene.instances[0].style.show = Show::from_flags(ids, &visible).unwrap();
+            scene.instances[0].style.show =
+                Show::from_flags(ids.iter().copied(), visible.iter().copied()).unwrap();
         } else {
             match random.below(4) {
                 0 => {

@@ -4,9 +4,10 @@ use std::sync::Arc;
 use std::time::Duration;
 
 use glam::DAffine3;
+use pumice_core::cell::{Cell, sort_and_or};
 use pumice_core::{
-    BlockSource, CompressOptions, CompressedVolume, Job, LabelBlock, LabelBuffer, LabelType, MeshData,
-    NoMemory, SortedCells, VolumeInfo, compress, compress_labels,
+    BlockSource, BoxGrid, CompressOptions, CompressedVolume, Job, LabelBlock, LabelBuffer, LabelType,
+    MeshData, NoMemory, SortedCells, VolumeInfo, compress, compress_labels,
 };
 use pumice_cpu::traverse::{TracedInstance, VolumeTracer};
 use pumice_oracle::volumes::Random;
@@ -15,9 +16,11 @@ use pumice_scene::Adaptive;
 use pumice_transport::geometry::visible_boxes::visible_items;
 use pumice_transport::geometry::{LodChoice, visible_boxes};
 use pumice_transport::{RenderError, Renderer, Tracer as _};
+use pumice_vulkan::VulkanRenderer;
+use pumice_vulkan::device::{Backend, Instance, InstanceOptions, survey};
 use pumice_vulkan::pack::{PackedBoxes, PackedMesh, PackedNodes};
 
-use super::{loaded, one_after_the_other, refusing, renderer, sky};
+use super::{loaded, measured, one_after_the_other, refusing, renderer, sky};
 
 /// Checks that an error is a line that begins so and ends with what the system refuses.
 fn assert_refused(error: &dyn std::fmt::Display, begins: &str) {
@@ -183,6 +186,65 @@ fn merged_parts_without_memory_are_an_error() {
     assert_eq!(merged(4_194_304).unwrap().voxels(), 1 << 24);
 }
 
+/// Two runs of 50,000 records of 16 bytes, of which each second cell is in both.
+#[test]
+fn records_without_memory_to_sort_them_are_an_error() {
+    let _turn = one_after_the_other();
+    let run = |step| (0..50_000).map(move |i| Cell { key: step * i, mask: step });
+    let sorted = |most| {
+        let mut cells: Vec<Cell> = run(1).chain(run(2)).collect();
+        refusing(most, || sort_and_or(&mut cells)).map(|()| cells)
+    };
+    assert_refused(
+        &sorted(799_999).unwrap_err(),
+        "the cells of a label, while they are sorted, needs 800.0 kB",
+    );
+    let cells = sorted(800_000).unwrap();
+    assert!(cells.len() == 75_000 && cells.is_sorted_by(|a, b| a.key < b.key));
+    assert_eq!(cells[3].mask | cells[4].mask << 4, 0x31);
+}
+
+/// One box touches one brick, as all of these do, and takes 16 bytes while the index is built.
+#[test]
+fn an_index_of_boxes_without_memory_is_an_error() {
+    const PAIRS: usize = 16 * 64 * 64 * 64;
+    const TEXT: &str = "the index of a volume's boxes by place needs 4.2 MB";
+    let _turn = one_after_the_other();
+    let volume = compressed().unwrap();
+    assert_refused(&refusing(PAIRS - 1, || volume.grid().map(BoxGrid::bytes)).unwrap_err(), TEXT);
+    assert_refused(&refusing(PAIRS - 1, || volume.label_at([1, 2, 3])).unwrap_err(), TEXT);
+    assert_refused(&refusing(PAIRS - 1, || volume.decode_block([0; 3], [1; 3])).unwrap_err(), TEXT);
+    assert_refused(&refusing(PAIRS - 1, || volume.find_contacts(&Job::new())).unwrap_err(), TEXT);
+    // A volume without an index tries again, and with the memory it has one.
+    assert_eq!(refusing(PAIRS, || volume.label_at([1, 2, 3])).unwrap(), Some(1 + 64 * (2 + 64 * 3)));
+    // The list of the boxes of a block doubles while it grows.
+    let block = |most| refusing(most, || volume.decode_block([0; 3], [64; 3]));
+    let refused = block(64 * 64 * 64 * 4 - 1).unwrap_err();
+    assert_refused(&refused, "a block of labels needs 1.0 MB");
+    assert_eq!(block(2 << 20).unwrap()[64], 65);
+}
+
+/// What the device finds of the first surface of a pixel takes 12 bytes a label, and 44 in a picture.
+#[test]
+fn what_a_device_finds_without_memory_is_an_error() {
+    let _turn = one_after_the_other();
+    let instance = Instance::new(&InstanceOptions::default()).unwrap();
+    let candidates = survey(&instance).unwrap();
+    let candidate = candidates.iter().find(|c| c.can(Backend::Compute)).expect("a device that computes");
+    let none = |_: &std::path::Path| Err("no pictures here".into());
+    let mut renderer = VulkanRenderer::open(&instance, candidate, Backend::Compute, None, none).unwrap();
+    renderer.set_scene(&loaded(&sky([400, 300]))).unwrap();
+    renderer.advance(Duration::from_secs(3600), 4, &Job::new()).unwrap();
+    let text = "film: the picture needs ";
+    let refused = refusing(1_439_999, || renderer.labels(&Job::new())).unwrap_err();
+    assert_refused(&refused, &format!("{text}1.4 MB"));
+    let refused = refusing(5_279_999, || renderer.picture()).unwrap_err();
+    assert_refused(&refused, &format!("{text}5.3 MB"));
+    // The renderer is not given up for it. With the memory, also for the records of a launch, both are there.
+    assert_eq!(refusing(16 << 20, || renderer.labels(&Job::new())).unwrap().len(), 400 * 300);
+    assert_eq!(refusing(16 << 20, || renderer.picture()).unwrap().color.width, 400);
+}
+
 /// Every pass of a film of 400 × 300 pixels: three numbers a pixel are 1.44 MB, one is 0.48 MB.
 #[test]
 fn passes_without_memory_are_an_error() {
@@ -203,8 +265,11 @@ fn passes_without_memory_are_an_error() {
     refused(TRIPLE, &|| film.features().err(), "1.4 M");
     refused(TRIPLE, &|| film.light(all).err(), "1.4 M");
     refused(TRIPLE / 3, &|| film.alpha().err(), "480.0 k");
-    // A Vec a pixel for the ranks, 24 bytes.
-    refused(2 * TRIPLE, &|| film.mattes().err(), "2.9 M");
+    // A layer has four numbers a pixel. Beside the three layers of each of two mattes, ranking takes nothing: neither a list of all pixels
+    // nor one of each.
+    refused(TRIPLE * 4 / 3, &|| film.mattes().err(), "1.9 M");
+    let (mattes, counted) = measured(|| film.mattes().unwrap());
+    assert!(counted.peak < 6 * 1_920_000 + 65_536 && mattes.len() == 2, "{counted:?}");
     // With shadow catchers, pixels are composited.
     let mut caught = FilmBuffer::with_passes(400, 300, PassSums::of(&scene.film, true)).unwrap();
     caught.sums_mut(4);

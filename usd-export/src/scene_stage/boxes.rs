@@ -5,14 +5,12 @@ use std::sync::Arc;
 use pumice_core::Job;
 
 use super::Shared;
+use super::mesh_parts::in_pieces;
 use super::surface::NORMALS;
 use crate::drawn::Drawn;
 use crate::drawn_boxes::{DrawnBox, drawn_boxes};
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Budget, Result};
-
-/// Boxes that are produced at a time.
-const PIECE: usize = 4096;
 
 /// The instancer of a volume's boxes.
 ///
@@ -66,9 +64,7 @@ fn array<T: ArrayElement>(
     of: impl Fn(&DrawnBox) -> T + Send + Sync + 'static,
 ) -> Value<'static> {
     let boxes = Arc::clone(boxes);
-    Value::Array(Array::new(boxes.len() as u64, move |sink| {
-        boxes.chunks(PIECE).try_for_each(|group| sink(&group.iter().map(&of).collect::<Vec<T>>()))
-    }))
+    in_pieces(boxes.len(), 1, move |place, out| out.push(of(&boxes[place])))
 }
 
 /// A cube from the origin to (1, 1, 1) of one material.

@@ -11,13 +11,11 @@ use pumice_scene::Mesh;
 use rustc_hash::FxHashMap;
 
 use super::materials::Materials;
+use super::mesh_parts::{MeshParts, in_pieces, subset};
 use super::placement::{note, placement};
 use crate::notes::source_name;
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Budget, Result};
-
-/// Triangles whose elements are produced at a time.
-const PIECE: usize = 4096;
 
 /// A mesh of the scene, number `place` among its meshes; none for one without triangles, of which nothing is seen.
 ///
@@ -50,22 +48,19 @@ pub(super) fn prim(
         }
         faces.iter().for_each(|&face| color_of[face as usize] = colors.len() as i32);
         colors.push(material.base_color);
-        subsets.push(super::surface::subset(number, Array::of(faces), &materials.path(material)));
+        subsets.push(subset(number, Array::of(faces), &materials.path(material)));
     }
     let mut properties = Vec::from(placement(&mesh.world_from_mesh));
+    let parts = MeshParts {
+        extent,
+        corner_counts: of_triangles(data, 1, |_, _, out| out.push(3i32)),
+        corners: of_triangles(data, 3, |data, t, out| out.extend(data.triangles()[t].map(|c| c as i32))),
+        points: points(data),
+        colors,
+        color_of_face: Value::Array(Array::of(color_of)),
+    };
+    properties.extend(parts.properties(Vec::new()));
     properties.extend([
-        Property::new("extent", "float3[]", Value::Array(Array::of(extent))),
-        Property::new("faceVertexCounts", "int[]", of_triangles(data, 1, |_, _, out| out.push(3i32))),
-        Property::new(
-            "faceVertexIndices",
-            "int[]",
-            of_triangles(data, 3, |data, t, out| out.extend(data.triangles()[t].map(|c| c as i32))),
-        ),
-        Property::new("points", "point3f[]", points(data)),
-        Property::primvar("displayColor", "color3f[]", "uniform", Value::Array(Array::of(colors))),
-        Property::new("primvars:displayColor:indices", "int[]", Value::Array(Array::of(color_of))),
-        Property::uniform("subdivisionScheme", "token", Value::Token("none".into())),
-        Property::uniform("subsetFamily:materialBind:familyType", "token", Value::Token("partition".into())),
         Property::uniform("doubleSided", "bool", Value::Bool(true)),
         note("source", "string", Value::String(source_name(&mesh.source))),
         note("shadow_catcher", "bool", Value::Bool(mesh.shadow_catcher)),
@@ -104,25 +99,12 @@ fn of_triangles<T: ArrayElement>(
     of: impl Fn(&MeshData, usize, &mut Vec<T>) + Send + Sync + 'static,
 ) -> Value<'static> {
     let data = Arc::clone(data);
-    let count = data.triangles().len();
-    Value::Array(Array::new(each * count as u64, move |sink| {
-        let mut piece = Vec::new();
-        for start in (0..count).step_by(PIECE) {
-            piece.clear();
-            (start..count.min(start + PIECE)).for_each(|triangle| of(&data, triangle, &mut piece));
-            sink(&piece)?;
-        }
-        Ok(())
-    }))
+    in_pieces(data.triangles().len(), each, move |triangle, out| of(&data, triangle, out))
 }
 
 fn points(data: &Arc<MeshData>) -> Value<'static> {
     let data = Arc::clone(data);
-    Value::Array(Array::new(data.positions().len() as u64, move |sink| {
-        data.positions()
-            .chunks(PIECE)
-            .try_for_each(|group| sink(&group.iter().map(|position| rounded(*position)).collect::<Vec<_>>()))
-    }))
+    in_pieces(data.positions().len(), 1, move |place, out| out.push(rounded(data.positions()[place])))
 }
 
 /// The normals, each once, with the place of that of each corner or triangle: most meshes have far fewer normals than corners.

@@ -25,6 +25,7 @@ mod camera;
 mod left_out;
 mod lights;
 mod materials;
+mod mesh_parts;
 mod meshes;
 mod placement;
 mod smooth;

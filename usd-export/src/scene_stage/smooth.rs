@@ -8,16 +8,13 @@ use std::sync::Arc;
 
 use pumice_core::Job;
 
+use super::mesh_parts::{MeshParts, PIECE, array_of_ranges, in_pieces, indexable, subset, surface};
 use super::placement::note;
-use super::surface::{array_of_ranges, indexable, subset};
 use crate::drawn::Drawn;
 use crate::smooth_mesh::NOT_EXACT;
 use crate::smooth_surface::SmoothSurface;
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Budget, Result, SmoothMesh};
-
-/// Elements that are produced at a time.
-const PIECE: usize = 4096;
 
 /// The mesh of a volume's smoothed surface.
 ///
@@ -29,21 +26,15 @@ pub(super) fn prim(
     budget: &mut Budget,
     job: &Job,
 ) -> Result<Prim<'static>> {
-    let surface = SmoothSurface::new(drawn, budget, job)?;
-    indexable(4 * surface.mesh.quads.len() as u64)?;
-    let used = surface.of_material.iter().zip(materials).enumerate().filter(|(_, (f, _))| !f.is_empty());
+    let smooth = SmoothSurface::new(drawn, budget, job)?;
+    indexable(4 * smooth.mesh.quads.len() as u64)?;
+    let used = smooth.of_material.iter().zip(materials).enumerate().filter(|(_, (f, _))| !f.is_empty());
     let children = used
         .map(|(number, (faces, material))| {
             subset(number, array_of_ranges(iter::once(faces.clone())), material)
         })
         .collect();
-    Ok(Prim {
-        name: "surface".into(),
-        type_name: "Mesh",
-        properties: properties(surface, drawn),
-        children,
-        ..Prim::default()
-    })
+    Ok(surface(properties(smooth, drawn), children))
 }
 
 fn properties(surface: SmoothSurface, drawn: &Drawn<'_>) -> Vec<Property<'static>> {
@@ -58,67 +49,38 @@ fn properties(surface: SmoothSurface, drawn: &Drawn<'_>) -> Vec<Property<'static
         }
         Ok(())
     });
-    vec![
-        Property::new("extent", "float3[]", Value::Array(Array::of(extent))),
-        Property::new("faceVertexCounts", "int[]", array(mesh, quads, 1, |_, _, out| out.push(4))),
-        Property::new(
-            "faceVertexIndices",
-            "int[]",
-            array(mesh, quads, 4, |mesh, quad, out| {
-                out.extend(quad.map(|v| mesh.vertices[v as usize].point as i32));
-            }),
-        ),
-        Property::new(
-            "points",
-            "point3f[]",
-            array(mesh, |mesh| mesh.points.as_slice(), 1, |_, point, out| out.push(*point)),
-        ),
-        Property::primvar("displayColor", "color3f[]", "uniform", Value::Array(Array::of(colors))),
-        Property::new("primvars:displayColor:indices", "int[]", Value::Array(color_of)),
-        Property::primvar(
-            "label",
-            "int[]",
-            "uniform",
-            array(mesh, quads, 1, |mesh, quad, out| out.push(mesh.label(quad) as i32)),
-        ),
-        Property::primvar(
-            "normals",
-            "normal3f[]",
-            "faceVarying",
-            array(mesh, |mesh| mesh.vertices.as_slice(), 1, |_, vertex, out| out.push(vertex.normal)),
-        ),
-        Property::new(
-            "primvars:normals:indices",
-            "int[]",
-            array(mesh, quads, 4, |_, quad, out| out.extend(quad.map(|v| v as i32))),
-        ),
-        Property::uniform("subdivisionScheme", "token", Value::Token("none".into())),
-        // Every face is of one subset.
-        Property::uniform("subsetFamily:materialBind:familyType", "token", Value::Token("partition".into())),
-        note("not_exact", "string", Value::String(NOT_EXACT.into())),
-    ]
+    let quads = mesh.quads.len();
+    let parts = MeshParts {
+        extent,
+        corner_counts: in_pieces(quads, 1, |_, out| out.push(4i32)),
+        corners: array(mesh, quads, 4, |mesh, quad, out| {
+            out.extend(mesh.quads[quad].map(|v| mesh.vertices[v as usize].point as i32));
+        }),
+        points: array(mesh, mesh.points.len(), 1, |mesh, point, out| out.push(mesh.points[point])),
+        colors,
+        color_of_face: Value::Array(color_of),
+    };
+    let normals =
+        array(mesh, mesh.vertices.len(), 1, |mesh, vertex, out| out.push(mesh.vertices[vertex].normal));
+    let normal_of_corner =
+        array(mesh, quads, 4, |mesh, quad, out| out.extend(mesh.quads[quad].map(|v| v as i32)));
+    let labels = array(mesh, quads, 1, |mesh, quad, out| out.push(mesh.label(&mesh.quads[quad]) as i32));
+    let mut properties = parts.properties(vec![
+        Property::primvar("label", "int[]", "uniform", labels),
+        Property::primvar("normals", "normal3f[]", "faceVarying", normals),
+        Property::new("primvars:normals:indices", "int[]", normal_of_corner),
+    ]);
+    properties.push(note("not_exact", "string", Value::String(NOT_EXACT.into())));
+    properties
 }
 
-fn quads(mesh: &SmoothMesh) -> &[[u32; 4]] {
-    &mesh.quads
-}
-
-/// An array with `each` elements for each of the things that `all` are.
-fn array<T: Sync + 'static, E: ArrayElement>(
+/// An array with `each` elements for each of `count` parts of the mesh.
+fn array<E: ArrayElement>(
     mesh: &Arc<SmoothMesh>,
-    all: impl Fn(&SmoothMesh) -> &[T] + Send + Sync + 'static,
+    count: usize,
     each: u64,
-    of: impl Fn(&SmoothMesh, &T, &mut Vec<E>) + Send + Sync + 'static,
+    of: impl Fn(&SmoothMesh, usize, &mut Vec<E>) + Send + Sync + 'static,
 ) -> Value<'static> {
     let mesh = Arc::clone(mesh);
-    let len = each * all(&mesh).len() as u64;
-    Value::Array(Array::new(len, move |sink| {
-        let mut piece = Vec::new();
-        for group in all(&mesh).chunks(PIECE) {
-            piece.clear();
-            group.iter().for_each(|thing| of(&mesh, thing, &mut piece));
-            sink(&piece)?;
-        }
-        Ok(())
-    }))
+    in_pieces(count, each, move |place, out| of(&mesh, place, out))
 }

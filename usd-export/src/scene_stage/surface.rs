@@ -1,23 +1,17 @@
 //! The visible surface at one level of detail as a mesh: rectangles, and after them the polygons that cuts leave.
 
 use std::iter;
-use std::ops::Range;
 use std::sync::Arc;
 
 use glam::Vec3;
-use pumice_core::{Error, Job};
+use pumice_core::Job;
 use pumice_transport::geometry::DetailLevel;
 
+use super::mesh_parts::{MeshParts, PIECE, array_of_ranges, indexable, subset};
 use crate::drawn::Drawn;
 use crate::labelled_surface::{Face, LabelledSurface};
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Budget, Merging, Rectangle, Result};
-
-/// Elements that are produced at a time.
-const PIECE: usize = 4096;
-
-/// Most corners of a mesh: USD's indices of corners are `int`.
-const MOST_CORNERS: u64 = i32::MAX as u64 + 1;
 
 /// Normals by axis and side, in the order of [`normal_of`].
 pub(super) const NORMALS: [[f32; 3]; 6] =
@@ -51,52 +45,7 @@ pub(super) fn prim(
             subset(place, array_of_ranges(faces), &materials[place])
         })
         .collect();
-    Ok(Prim {
-        name: "surface".into(),
-        type_name: "Mesh",
-        properties: properties(surface, drawn),
-        children,
-        ..Prim::default()
-    })
-}
-
-pub(super) fn indexable(corners: u64) -> Result<()> {
-    if corners <= MOST_CORNERS {
-        return Ok(());
-    }
-    let what = "corners of a mesh in a USD file".into();
-    Err(Error::Limit { what, limit: MOST_CORNERS, got: corners }.into())
-}
-
-/// Numbers that follow each other, in ranges.
-pub(super) fn array_of_ranges(ranges: impl IntoIterator<Item = Range<u32>>) -> Array<'static> {
-    let ranges: Vec<Range<u32>> = ranges.into_iter().collect();
-    let len = ranges.iter().map(|range| u64::from(range.end - range.start)).sum();
-    Array::new(len, move |sink| {
-        for range in &ranges {
-            for start in range.clone().step_by(PIECE) {
-                let end = range.end.min(start.saturating_add(PIECE as u32));
-                sink(&(start..end).map(|face| face as i32).collect::<Vec<i32>>())?;
-            }
-        }
-        Ok(())
-    })
-}
-
-/// The faces of one material: their indices, and the material's path.
-pub(super) fn subset(number: usize, faces: Array<'static>, material: &str) -> Prim<'static> {
-    Prim {
-        name: format!("material_{number}"),
-        type_name: "GeomSubset",
-        api_schemas: vec!["MaterialBindingAPI"],
-        properties: vec![
-            Property::uniform("elementType", "token", Value::Token("face".into())),
-            Property::uniform("familyName", "token", Value::Token("materialBind".into())),
-            Property::new("indices", "int[]", Value::Array(faces)),
-            Property::relationship("material:binding", vec![material.into()]),
-        ],
-        ..Prim::default()
-    }
+    Ok(super::mesh_parts::surface(properties(surface, drawn), children))
 }
 
 /// An array of `len` elements, which `of` appends face by face.
@@ -124,24 +73,18 @@ fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'stat
     let (faces, corners) = (surface.face_count(), surface.corner_count());
     let indices = array_of_ranges(iter::once(0..corners as u32));
     let [normals, normal_of_face] = normals(surface);
-    let [colors, color_of_face] = colors(surface, drawn);
-    vec![
-        Property::new("extent", "float3[]", Value::Array(Array::of(extent(surface)))),
-        Property::new(
-            "faceVertexCounts",
-            "int[]",
-            array(surface, faces, |face, out| out.push(face.corner_count() as i32)),
-        ),
-        Property::new("faceVertexIndices", "int[]", Value::Array(indices)),
-        Property::new(
-            "points",
-            "point3f[]",
-            array(surface, corners, |face, out| {
-                face.for_each_corner(&mut |corner| out.push(corner.as_vec3().to_array()));
-            }),
-        ),
-        Property::primvar("displayColor", "color3f[]", "uniform", colors),
-        Property::new("primvars:displayColor:indices", "int[]", color_of_face),
+    let (colors, color_of_face) = colors(surface, drawn);
+    let parts = MeshParts {
+        extent: extent(surface),
+        corner_counts: array(surface, faces, |face, out| out.push(face.corner_count() as i32)),
+        corners: Value::Array(indices),
+        points: array(surface, corners, |face, out| {
+            face.for_each_corner(&mut |corner| out.push(corner.as_vec3().to_array()));
+        }),
+        colors,
+        color_of_face,
+    };
+    parts.properties(vec![
         Property::primvar(
             "label",
             "int[]",
@@ -150,10 +93,7 @@ fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'stat
         ),
         Property::primvar("normals", "normal3f[]", "uniform", normals),
         Property::new("primvars:normals:indices", "int[]", normal_of_face),
-        Property::uniform("subdivisionScheme", "token", Value::Token("none".into())),
-        // Every face is of one subset.
-        Property::uniform("subsetFamily:materialBind:familyType", "token", Value::Token("partition".into())),
-    ]
+    ])
 }
 
 /// Lowest and highest corner; both 0 where there is no face.
@@ -185,7 +125,7 @@ fn normals(surface: &Arc<LabelledSurface>) -> [Value<'static>; 2] {
 }
 
 /// The colours of the materials that faces have, because labels may be drawn and have none, and which of them each face has.
-fn colors(surface: &Arc<LabelledSurface>, drawn: &Drawn<'_>) -> [Value<'static>; 2] {
+fn colors(surface: &Arc<LabelledSurface>, drawn: &Drawn<'_>) -> (Vec<[f32; 3]>, Value<'static>) {
     let (mut colors, mut color_of_material) = (Vec::new(), Vec::new());
     for (place, material) in drawn.materials.iter().enumerate() {
         color_of_material.push(colors.len() as i32);
@@ -205,17 +145,5 @@ fn colors(surface: &Arc<LabelledSurface>, drawn: &Drawn<'_>) -> [Value<'static>;
         }
         sink(&piece)
     });
-    [Value::Array(Array::of(colors)), Value::Array(of_face)]
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn corners_beyond_31_bits_are_refused() {
-        assert!(indexable(1 << 31).is_ok(), "the last index is 2³¹ − 1");
-        let error = indexable((1 << 31) + 4).unwrap_err().to_string();
-        assert_eq!(error, "corners of a mesh in a USD file: 2147483652 is more than the limit of 2147483648");
-    }
+    (colors, Value::Array(of_face))
 }
