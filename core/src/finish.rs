@@ -3,9 +3,10 @@
 //! ```text
 //! for each label (in parallel):  gather its records from all parts ─► Snap4 boxes, each with its fields
 //! sort the boxes:                chunk (Morton), label, Morton code of the origin
-//! share:                         boxes with equal contents refer to one node
-//! leaves:                        the most frequent fields and slices of the distinct nodes
-//! write the nodes:               in the order of first use, then box records and label runs
+//! for each chunk:
+//!     share:                     boxes with equal contents refer to one node
+//!     leaves:                    the most frequent fields and slices of the distinct nodes
+//!     write the nodes:           in the order of first use, then box records and label runs
 //! ```
 //! The result of each step depends on the volume alone, so it is independent of threads, blocks and their order.
 
@@ -19,9 +20,7 @@ use crate::boxes::{BOXES, RawBox, RawBoxes, split_label};
 use crate::cell::Cell;
 use crate::leaves::{LeafIndex, Leaves};
 use crate::node::{node_words, write_node};
-use crate::reserve::{
-    check_room, collected, collected_by_threads, make_room, make_room_in_map, reserved, zeroed,
-};
+use crate::reserve::{check_room, collected, collected_by_threads, make_room, make_room_in_map, reserved};
 use crate::sorted_cells::Run;
 use crate::store::StoredParts;
 use crate::volume::CHUNK_CELLS;
@@ -31,10 +30,6 @@ use crate::{
 
 /// Least number of records of a task: enough to hide the cost of a task, few enough to balance the load.
 const TASK_CELLS: usize = 1 << 15;
-
-/// How far back, in words, a chunk may share nodes of earlier chunks. Its boxes refer to nodes by 32 bits from the chunk's base, and need
-/// room for their own nodes; a node before the window is written again.
-const SHARING_WINDOW_WORDS: u64 = 1 << 31;
 
 /// What memory is for, in errors.
 const NODES: &str = "the nodes of the volume";
@@ -196,22 +191,48 @@ pub(crate) fn finish(
     labels: LabelTable,
     job: &Job,
 ) -> Result<CompressedVolume> {
-    finish_with_window(info, raw, labels, job, SHARING_WINDOW_WORDS)
-}
-
-fn finish_with_window(
-    info: VolumeInfo,
-    raw: RawBoxes,
-    labels: LabelTable,
-    job: &Job,
-    window_words: u64,
-) -> Result<CompressedVolume> {
     let RawBoxes { mut boxes, fields } = raw;
     if boxes.len() > u32::MAX as usize {
         return Err(Error::Limit { what: "boxes".into(), limit: u32::MAX.into(), got: boxes.len() as u64 });
     }
     job.check()?;
     boxes.par_sort_unstable_by_key(rank);
+    let mut volume = CompressedVolume::empty(info);
+    let mut records = reserved(boxes.len(), BOXES)?;
+    let mut nodes: Vec<u16> = Vec::new();
+    for in_chunk in boxes.chunk_by(|a, b| rank(a).0 == rank(b).0) {
+        let chunk_cell = morton::decode(rank(&in_chunk[0]).0 * CHUNK_CELLS);
+        volume.chunks.push(Chunk {
+            origin: chunk_cell.map(|c| 4 * c),
+            first_box: records.len() as u64,
+            first_run: volume.runs.len() as u64,
+            node_base: nodes.len() as u64,
+        });
+        for (i, b) in in_chunk.iter().enumerate() {
+            if i == 0 || in_chunk[i - 1].label != b.label {
+                volume.runs.push(LabelRun { label: b.label, first_box: i as u32 });
+            }
+        }
+        volume.leaves.push(finish_chunk(chunk_cell, in_chunk, &fields, &mut records, &mut nodes, job)?);
+    }
+    volume.runs.shrink_to_fit();
+    volume.chunks.shrink_to_fit();
+    volume.leaves.shrink_to_fit();
+    volume.boxes = records.into();
+    volume.nodes = nodes.into();
+    volume.labels = labels;
+    Ok(volume)
+}
+
+/// Appends the records and nodes of the boxes of a chunk, and returns the leaves of these nodes.
+fn finish_chunk(
+    chunk_cell: [u32; 3],
+    boxes: &[RawBox],
+    fields: &[u64],
+    records: &mut Vec<BoxRecord>,
+    nodes: &mut Vec<u16>,
+    job: &Job,
+) -> Result<Leaves> {
     let fields_of = |b: &RawBox| &fields[b.first_field..b.first_field + b.fields()];
 
     // Find the distinct contents, in order of first use, and the contents of each box.
@@ -255,119 +276,43 @@ fn finish_with_window(
     };
     let sizes: Vec<u16> = collected_by_threads(distinct.par_iter().map(size_of_node), NODES)?;
 
-    // Assign an offset to each node, chunk by chunk, and write records and runs.
+    // Assign an offset to each node, and write the records.
     job.check()?;
-    let mut volume = CompressedVolume::empty(info);
-    let mut records = reserved(boxes.len(), BOXES)?;
-    let mut place: Vec<Option<u64>> =
-        collected(distinct.len(), std::iter::repeat_n(None, distinct.len()), NODES)?;
-    let mut writes: Vec<u32> = Vec::new();
+    let mut place: Vec<u64> = reserved(distinct.len(), NODES)?;
     let mut words = 0u64;
-    for in_chunk in boxes.chunk_by(|a, b| rank(a).0 == rank(b).0) {
-        let first_box = records.len();
-        let chunk_cell = morton::decode(rank(&in_chunk[0]).0 * CHUNK_CELLS);
-        let node_base = words.saturating_sub(window_words);
-        volume.chunks.push(Chunk {
-            origin: chunk_cell.map(|c| 4 * c),
-            first_box: first_box as u64,
-            first_run: volume.runs.len() as u64,
-            node_base,
-        });
-        for (i, b) in in_chunk.iter().enumerate() {
-            if i == 0 || in_chunk[i - 1].label != b.label {
-                volume.runs.push(LabelRun { label: b.label, first_box: i as u32 });
-            }
-            let d = distinct_of_box[first_box + i];
-            let at = match place[d as usize] {
-                Some(at) if at >= node_base => at,
-                _ => {
-                    let at = words;
-                    words += u64::from(sizes[d as usize]);
-                    place[d as usize] = Some(at);
-                    make_room(&mut writes, 1, NODES)?;
-                    writes.push(d);
-                    at
-                }
-            };
-            let node = u32::try_from(at - node_base).map_err(|_| Error::Limit {
-                what: format!("bytes of nodes in the chunk at {:?}", chunk_cell.map(|c| 4 * c)),
-                limit: 2 << 32,
-                got: 2 * (at - node_base),
-            })?;
-            let cell = [0, 1, 2].map(|a| b.origin[a] - chunk_cell[a]);
-            records.push(BoxRecord::new(cell, b.extent.map(u32::from), node));
-        }
+    for &size in &sizes {
+        place.push(words);
+        words += u64::from(size);
     }
-    volume.runs.shrink_to_fit();
-    volume.chunks.shrink_to_fit();
-    volume.boxes = records.into();
+    for (b, &d) in boxes.iter().zip(&distinct_of_box) {
+        let node = u32::try_from(place[d as usize]).map_err(|_| Error::Limit {
+            what: format!("bytes of nodes in the chunk at {:?}", chunk_cell.map(|c| 4 * c)),
+            limit: 2 << 32,
+            got: 2 * words,
+        })?;
+        let cell = [0, 1, 2].map(|a| b.origin[a] - chunk_cell[a]);
+        records.push(BoxRecord::new(cell, b.extent.map(u32::from), node));
+    }
 
     // Write the nodes in parallel, each group of nodes into its own piece of the array.
-    let mut nodes: Vec<u16> = zeroed(words as usize, NODES)?;
+    let first = nodes.len();
+    make_room(nodes, words as usize, NODES)?;
+    nodes.resize(first + words as usize, 0);
     let mut pieces = Vec::new();
-    let mut rest = nodes.as_mut_slice();
-    for group in writes.chunks(4096) {
-        let length = group.iter().map(|&d| usize::from(sizes[d as usize])).sum();
+    let mut rest = &mut nodes[first..];
+    for (group, sizes) in distinct.chunks(4096).zip(sizes.chunks(4096)) {
+        let length = sizes.iter().map(|&s| usize::from(s)).sum();
         let (piece, tail) = rest.split_at_mut(length);
-        pieces.push((group, piece));
+        pieces.push((group, sizes, piece));
         rest = tail;
     }
-    pieces.into_par_iter().for_each(|(group, mut piece)| {
-        for &d in group {
-            let b = &boxes[distinct[d as usize] as usize];
-            let (node, tail) = piece.split_at_mut(usize::from(sizes[d as usize]));
+    pieces.into_par_iter().for_each(|(group, sizes, mut piece)| {
+        for (&i, &size) in group.iter().zip(sizes) {
+            let b = &boxes[i as usize];
+            let (node, tail) = piece.split_at_mut(usize::from(size));
             write_node(b.occupied, b.solid, fields_of(b), &index, node);
             piece = tail;
         }
     });
-    volume.nodes = nodes.into();
-    volume.leaves = leaves;
-    volume.labels = labels;
-    Ok(volume)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{LabelBlock, LabelBuffer, LabelType, SortedCells, store::PartStore};
-
-    /// Boxes of a volume of three chunks along x that have the same few contents.
-    fn raw(dims: [u32; 3]) -> (RawBoxes, LabelTable, Vec<u64>) {
-        let ids: Vec<u8> =
-            (0..dims[0] * dims[1] * dims[2]).map(|i| ((i % dims[0] / 3 + i / dims[0]) % 4) as u8).collect();
-        let block = LabelBlock::x_fastest([0; 3], dims, LabelBuffer::U8(ids.clone()));
-        let store = PartStore::new(None, std::env::temp_dir());
-        store.add(SortedCells::from_block(&block, dims).unwrap(), false).unwrap();
-        let budget = Budget::new(None, 1);
-        let (raw, labels) = boxes_of_parts(&store.into_parts(), &budget, &Job::new()).unwrap();
-        (raw, labels, ids.into_iter().map(u64::from).collect())
-    }
-
-    #[test]
-    fn nodes_beyond_the_window_are_written_again() {
-        let dims = [3000, 5, 7];
-        let (raw, labels, ids) = raw(dims);
-        let mut sizes = Vec::new();
-        for window in [0, 10, 30, u64::MAX / 2] {
-            let info = VolumeInfo::new(dims, LabelType::U8);
-            let mut volume =
-                finish_with_window(info, raw.clone(), labels.clone(), &Job::new(), window).unwrap();
-            volume.labels.contacts = volume.find_contacts(&Job::new()).unwrap();
-            assert_eq!(volume.decode_ids([0; 3], dims).unwrap(), ids, "window {window}");
-            assert!(volume.chunks().iter().skip(1).any(|c| c.node_base > 0) || window > 1 << 32);
-            sizes.push(volume.nodes().len());
-
-            // The file's packed form must handle nodes that occur twice, too.
-            let folder = tempfile::tempdir().unwrap();
-            let path = folder.path().join("window.pumice");
-            for level in [crate::CompressionLevel::Fast, crate::CompressionLevel::Default] {
-                volume.save(&path, level, &Job::new()).unwrap();
-                let back = CompressedVolume::open(&path, &Job::new()).unwrap();
-                assert!(
-                    back.boxes == volume.boxes && back.nodes == volume.nodes && back.chunks == volume.chunks
-                );
-            }
-        }
-        assert!(sizes[0] > sizes[3] && sizes.is_sorted_by(|a, b| a >= b), "{sizes:?}");
-    }
+    Ok(leaves)
 }

@@ -98,61 +98,76 @@ impl CompressedVolume {
                 origin.chain([0; 4]).chain(starts).collect::<Vec<u8>>()
             })
             .collect();
-        let streams = match level {
-            CompressionLevel::Default => nodes::split(&self.chunks, &self.boxes, &self.nodes, &self.leaves),
-            CompressionLevel::Fast | CompressionLevel::Small => nodes::Streams::default(),
+        let number = |chunk: usize| chunk as u32;
+        let streams: Vec<nodes::Streams> = match level {
+            CompressionLevel::Default => (0..self.chunks.len())
+                .into_par_iter()
+                .map(|c| {
+                    let nodes = &self.nodes[self.node_range(c)];
+                    nodes::split(&self.boxes[self.box_range(c)], nodes, &self.leaves[c])
+                })
+                .collect(),
+            CompressionLevel::Fast | CompressionLevel::Small => Vec::new(),
         };
-        let [pieces, voxels] = if level == CompressionLevel::Small {
+        let (pieces, voxels) = if level == CompressionLevel::Small {
             voxel_pieces::encode(self, job)?
         } else {
             Default::default()
         };
 
-        // Name, bytes, filters (width, delta, planes) of each section.
-        type Plan<'a> = ([u8; 4], &'a [u8], (u8, bool, bool));
+        // Name, chunk, bytes, filters (width, delta, planes) of each section.
+        type Plan<'a> = ([u8; 4], Option<u32>, &'a [u8], (u8, bool, bool));
         const PLAIN: (u8, bool, bool) = (1, false, false);
         let mut plan: Vec<Plan<'_>> = vec![
-            (*b"INFO", &info, PLAIN),
-            (*b"LIDS", bytemuck::cast_slice(&self.labels.ids), (8, true, true)),
-            (*b"LTYP", bytemuck::cast_slice(&self.labels.types), PLAIN),
+            (*b"INFO", None, &info, PLAIN),
+            (*b"LIDS", None, bytemuck::cast_slice(&self.labels.ids), (8, true, true)),
+            (*b"LTYP", None, bytemuck::cast_slice(&self.labels.types), PLAIN),
         ];
+        // Volumes without columns of numbers have no such section.
+        if !self.labels.columns.is_empty() {
+            plan.push((*b"LCOL", None, bytemuck::cast_slice(&numbers), (8, false, true)));
+        }
         if level == CompressionLevel::Small {
-            plan.extend([(*b"PIEC", &pieces[..], PLAIN), (*b"VOXL", &voxels[..], PLAIN)]);
+            plan.push((*b"PIEC", None, &pieces[..], PLAIN));
+            let of_chunk = |(c, voxels)| (*b"VOXL", Some(number(c)), voxels, PLAIN);
+            plan.extend(voxels.iter().map(Vec::as_slice).enumerate().map(of_chunk));
         } else {
             plan.extend([
-                (*b"CHNK", &chunks[..], PLAIN),
-                (*b"RUNS", bytemuck::cast_slice(&self.runs), (8, true, true)),
-                (*b"LVOX", bytemuck::cast_slice(&self.labels.voxels), (8, false, true)),
-                (*b"LCON", &self.labels.contacts.bytes, PLAIN),
-                (*b"LEAF", bytemuck::cast_slice(&self.leaves.patterns), (8, false, true)),
-                (*b"SLIC", bytemuck::cast_slice(&self.leaves.slices), PLAIN),
-                (*b"RARE", bytemuck::cast_slice(&self.leaves.rare), (8, true, true)),
+                (*b"LVOX", None, bytemuck::cast_slice(&self.labels.voxels), (8, false, true)),
+                (*b"LCON", None, &self.labels.contacts.bytes[..], PLAIN),
+                (*b"CHNK", None, &chunks[..], PLAIN),
             ]);
+            if level == CompressionLevel::Fast {
+                plan.extend([
+                    (*b"BOXS", None, bytemuck::cast_slice(&self.boxes), PLAIN),
+                    (*b"NODE", None, bytemuck::cast_slice(&self.nodes), PLAIN),
+                ]);
+            }
+            for (c, leaves) in self.leaves.iter().enumerate() {
+                let (chunk, runs) = (Some(number(c)), &self.runs[self.run_range(c)]);
+                plan.extend([
+                    (*b"RUNS", chunk, bytemuck::cast_slice(runs), (8, true, true)),
+                    (*b"LEAF", chunk, bytemuck::cast_slice(&leaves.patterns), (8, false, true)),
+                    (*b"SLIC", chunk, bytemuck::cast_slice(&leaves.slices), PLAIN),
+                    (*b"RARE", chunk, bytemuck::cast_slice(&leaves.rare), (8, true, true)),
+                ]);
+                if let Some(streams) = streams.get(c) {
+                    plan.extend([
+                        (*b"BCEL", chunk, &streams.cells[..], (3, true, true)),
+                        (*b"BNOD", chunk, &streams.backs, PLAIN),
+                        (*b"OCCU", chunk, &streams.occupied, PLAIN),
+                        (*b"CLAS", chunk, &streams.classes, PLAIN),
+                        (*b"REFS", chunk, &streams.references[0], PLAIN),
+                        (*b"SLCR", chunk, &streams.references[1], PLAIN),
+                        (*b"FLDS", chunk, &streams.references[2], PLAIN),
+                    ]);
+                }
+            }
         }
-        match level {
-            CompressionLevel::Small => {}
-            CompressionLevel::Fast => plan.extend([
-                (*b"BOXS", bytemuck::cast_slice(&self.boxes), PLAIN),
-                (*b"NODE", bytemuck::cast_slice(&self.nodes), PLAIN),
-            ]),
-            CompressionLevel::Default => plan.extend([
-                (*b"BCEL", &streams.cells[..], (3, true, true)),
-                (*b"BNOD", &streams.backs, PLAIN),
-                (*b"OCCU", &streams.occupied, PLAIN),
-                (*b"CLAS", &streams.classes, PLAIN),
-                (*b"REFS", &streams.references[0], PLAIN),
-                (*b"SLCR", &streams.references[1], PLAIN),
-                (*b"FLDS", &streams.references[2], PLAIN),
-            ]),
-        }
-        // Volumes without columns of numbers have no such section, so their files are those that were written before there were columns.
-        if !self.labels.columns.is_empty() {
-            plan.push((*b"LCOL", bytemuck::cast_slice(&numbers), (8, false, true)));
-        }
-        job.begin(plan.iter().map(|p| p.1.len() as u64).sum());
+        job.begin(plan.iter().map(|p| p.2.len() as u64).sum());
         let sections: Vec<(Entry, Vec<u8>)> = plan
             .into_par_iter()
-            .map(|(name, bytes, (width, delta, planes))| {
+            .map(|(name, chunk, bytes, (width, delta, planes))| {
                 // Coded voxels cannot be compressed any further.
                 let packed = level != CompressionLevel::Fast && name != *b"VOXL";
                 let encoding =
@@ -161,6 +176,7 @@ impl CompressedVolume {
                 job.advance(bytes.len() as u64);
                 let entry = Entry {
                     name,
+                    chunk,
                     encoding,
                     offset: 0,
                     stored: stored.len() as u64,
