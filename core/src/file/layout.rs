@@ -69,6 +69,20 @@ pub(super) struct Entry {
     pub(super) checksum: u64,
 }
 
+impl Entry {
+    /// The entry of a section with these bytes, which is not placed in the file yet.
+    pub(super) fn of_stored(
+        name: [u8; 4],
+        chunk: Option<u32>,
+        encoding: Encoding,
+        stored: &[u8],
+        decoded: u64,
+    ) -> Self {
+        let checksum = section_checksum(stored);
+        Self { name, chunk, encoding, offset: 0, stored: stored.len() as u64, decoded, checksum }
+    }
+}
+
 /// Header and section table.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layout {

@@ -109,31 +109,64 @@ fn every_second(bits: u64) -> u32 {
 /// The section that is wrong, and what is wrong with it.
 pub(super) type Wrong = ([u8; 4], String);
 
+/// Splits nodes and boxes into streams, piece after piece. Whoever takes a stream's bytes leaves it empty for the next piece.
+#[derive(Default)]
+pub(super) struct Splitter {
+    pub(super) occupied: Vec<u8>,
+    pub(super) references: [Vec<u8>; 3],
+    classes: BitWriter,
+}
+
+impl Splitter {
+    /// Appends what describes these nodes; returns the first word of each.
+    pub(super) fn nodes(&mut self, nodes: &[u16], leaves: &Leaves) -> Vec<u32> {
+        let mut starts = Vec::new();
+        let mut at = 0;
+        while at < nodes.len() {
+            starts.push(at as u32);
+            let node = NodeRef::read(nodes, at, leaves);
+            self.occupied.extend(node.occupied.to_le_bytes());
+            for (_, class, from) in node.references() {
+                self.classes.push(class as u8 & 1 != 0);
+                self.classes.push(class as u8 & 2 != 0);
+                if class != Class::Solid {
+                    let words = &nodes[at + from..][..leaves.words_of(class)];
+                    self.references[class as usize - 1].extend(words.iter().flat_map(|w| w.to_le_bytes()));
+                }
+            }
+            at += node.words();
+        }
+        starts
+    }
+
+    /// Appends the lowest cells of boxes.
+    pub(super) fn cells(&self, boxes: &[BoxRecord], cells: &mut Vec<u8>) {
+        for record in boxes {
+            cells.extend_from_slice(&morton::encode(record.cell()).to_le_bytes()[..3]);
+        }
+    }
+
+    /// The bytes of classes that are full; what is left begins the next piece.
+    pub(super) fn take_classes(&mut self) -> Vec<u8> {
+        let full = self.classes.bytes.len() - usize::from(self.classes.used != 0);
+        let rest = self.classes.bytes.split_off(full);
+        std::mem::replace(&mut self.classes.bytes, rest)
+    }
+
+    /// The last byte of the classes, if it is not full.
+    pub(super) fn last_classes(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.classes.bytes)
+    }
+}
+
 /// Splits the nodes and boxes of a chunk into streams.
 pub(super) fn split(boxes: &[BoxRecord], nodes: &[u16], leaves: &Leaves) -> Streams {
+    let mut splitter = Splitter::default();
+    let starts = splitter.nodes(nodes, leaves);
     let mut streams = Streams::default();
-    let mut classes = BitWriter::default();
-    let mut starts = Vec::new();
-    let mut at = 0;
-    while at < nodes.len() {
-        starts.push(at as u32);
-        let node = NodeRef::read(nodes, at, leaves);
-        streams.occupied.extend(node.occupied.to_le_bytes());
-        for (_, class, from) in node.references() {
-            classes.push(class as u8 & 1 != 0);
-            classes.push(class as u8 & 2 != 0);
-            if class != Class::Solid {
-                let words = &nodes[at + from..][..leaves.words_of(class)];
-                streams.references[class as usize - 1].extend(words.iter().flat_map(|w| w.to_le_bytes()));
-            }
-        }
-        at += node.words();
-    }
-    streams.classes = classes.bytes;
-
+    splitter.cells(boxes, &mut streams.cells);
     let mut next = 0;
     for record in boxes {
-        streams.cells.extend_from_slice(&morton::encode(record.cell()).to_le_bytes()[..3]);
         let place = record.node();
         // Nodes are in the order of first use, so a box's node is either the next new one or one that came earlier.
         let number =
@@ -141,6 +174,8 @@ pub(super) fn split(boxes: &[BoxRecord], nodes: &[u16], leaves: &Leaves) -> Stre
         streams.backs.extend(((next - number) as u32).to_le_bytes());
         next += usize::from(number == next);
     }
+    streams.classes = splitter.last_classes();
+    (streams.occupied, streams.references) = (splitter.occupied, splitter.references);
     streams
 }
 

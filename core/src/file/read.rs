@@ -140,6 +140,8 @@ pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<Comp
             rare: sections.elements_of(b"RARE", Some(c), u64::from_le_bytes)?,
         });
     }
+    volume.runs.shrink_to_fit();
+    volume.leaves.shrink_to_fit();
     let ids = sections.elements(b"LIDS", u64::from_le_bytes)?;
     volume.labels = LabelTable {
         columns: sections.columns(names.columns, ids.len())?,

@@ -8,6 +8,7 @@
 //! contacts: compression yields the counts, and decoding finds the contacts when it compares neighbours.
 
 use std::io::{Read, Seek};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
@@ -19,6 +20,7 @@ use super::sections::{info_of, read_sections};
 use super::slices::SLAB;
 use super::voxel_coder::{VoxelDecoder, VoxelEncoder};
 use crate::compress::volume_of_parts;
+use crate::finish::Known;
 use crate::memory::available_bytes;
 use crate::reserve::reserved;
 use crate::sorted_cells::SortedCells;
@@ -30,7 +32,7 @@ use crate::{CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelTa
 const PIECE_BYTES: usize = 16;
 
 /// Size in voxels of the piece at `origin`.
-fn piece_dims(volume_dims: [u32; 3], origin: [u32; 3]) -> [u32; 3] {
+pub(super) fn piece_dims(volume_dims: [u32; 3], origin: [u32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|a| CHUNK_VOXELS.min(volume_dims[a] - origin[a]))
 }
 
@@ -38,11 +40,11 @@ fn morton_of(origin: [u32; 3]) -> u64 {
     morton::encode(origin.map(|o| o / 4)) / CHUNK_CELLS
 }
 
-/// Encodes the section `PIEC`, and the section `VOXL` of each chunk.
+/// Encodes the section `VOXL` of each chunk.
 ///
 /// # Errors
 /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel.
-pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<(Vec<u8>, Vec<Vec<u8>>)> {
+pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<Vec<Vec<u8>>> {
     let pieces: Vec<[u32; 3]> = volume.chunks.iter().map(|chunk| chunk.origin).collect();
     let voxels =
         |&origin: &[u32; 3]| piece_dims(volume.info.dims, origin).map(u64::from).iter().product::<u64>();
@@ -74,8 +76,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<(Vec<u8>, V
         );
         return Err(Error::Caller(what));
     }
-    let table = pieces.iter().flat_map(|origin| origin.iter().chain([&0]).flat_map(|v| v.to_le_bytes()));
-    Ok((table.collect(), streams))
+    Ok(streams)
 }
 
 /// Reads a file of voxels; the caller compares the content hash.
@@ -116,7 +117,8 @@ pub(super) fn read_voxels(
     let number = head.labels.len() as u32;
     let fault = |what: String| sections.fault(*b"VOXL", what);
     // A stream of a few bytes can stand for any number of records, so they are kept in memory only up to a part of what is free.
-    let store = PartStore::new(available_bytes().map(|free| free / 4), std::env::temp_dir());
+    let folder = std::env::temp_dir();
+    let store = PartStore::new(available_bytes().map_or(u64::MAX, |free| free / 4), None, &folder);
     let dims = head.info.dims;
     job.begin(pieces.iter().map(|p| p.dims.map(u64::from).iter().product::<u64>()).sum());
     let decode = |piece: &Piece| {
@@ -126,13 +128,16 @@ pub(super) fn read_voxels(
     };
     let touching: Vec<Vec<u64>> = pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
     let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
-    let mut volume =
-        volume_of_parts(info, store, None, Some(touching.concat()), &CompressOptions::default(), job)?;
+    let known = Known { labelled: None, touching: Some(touching.concat()) };
+    let parts = store.into_parts()?;
+    let mut volume = volume_of_parts(info, parts, &known, &CompressOptions::default(), &folder, job)?;
     // In the new volume, the id of each label is its dense index plus 1.
     if volume.labels.len() != head.labels.len() {
         let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
         return Err(fault(what));
     }
+    // Its content hash is that of a volume with these ids.
+    volume.hash = OnceLock::new();
     let made = std::mem::take(&mut volume.labels);
     volume.labels = LabelTable { voxels: made.voxels, contacts: made.contacts, ..head.labels };
     Ok(volume)
