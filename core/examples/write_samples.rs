@@ -34,6 +34,12 @@ fn main() -> Result<(), Box<dyn std::error::Error>> {
         let q = p.map(|v| u64::from((v + mix(p, 3) % 2) / 13));
         if q[0] == 2 { 0 } else { 1 + q[0] + 100 * q[1] + 10_000_000_000 * q[2] }
     })?;
+    // Two chunks: labels cross the face between them, and the second has other fields than the first.
+    write(folder, "faces", [1060, 24, 8], |p| match p[0] {
+        900..1024 => 1 + u64::from((p[0] + 1) / 37 + mix(p, 6) % 16 / 15),
+        1024.. => 1 + u64::from((p[0] + p[1]) / 40 + mix(p, 7) % 2),
+        _ => 0,
+    })?;
     // Most slices repeat and a few fields have rare ones, so that leaf references of every class occur.
     write(folder, "speckled", [200, 96, 64], |p| {
         let d2: u32 = p.iter().map(|&v| (v % 32).abs_diff(16).pow(2)).sum();

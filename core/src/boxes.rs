@@ -8,10 +8,12 @@
 //!     boxes(lower half), boxes(upper half)            each half is tightened again, which reduces the number of boxes
 //! ```
 //! The paper (§3.1) splits each label's region until it fits; tightening after every split gives 22 % fewer boxes than one tight grid. All
-//! cuts lie between cells, so no cell is ever divided and boxes of one label cannot overlap.
+//! cuts lie between cells, so no cell is ever divided and boxes of one label cannot overlap. The method is applied to the cells of each
+//! chunk by themselves, so no box reaches beyond a chunk's faces.
 
 use crate::cell::{BOX_CELLS, Cell, SOLID};
 use crate::reserve::make_room;
+use crate::volume::CHUNK_CELLS;
 use crate::{NoMemory, morton};
 
 /// A box with its contents, before nodes are shared.
@@ -81,16 +83,20 @@ fn coordinate(packed: u64, axis: usize) -> u32 {
     (packed >> (AXIS * axis as u32) & AXIS_MASK) as u32
 }
 
-/// Appends the boxes of one label to `out`, using `cells` as scratch space. The order of the boxes depends only on the cells.
+/// Appends the boxes of one label to `out`, using `cells`, which come by rising key, as scratch space. The order of the boxes depends only
+/// on the cells.
 ///
 /// # Errors
 /// [`NoMemory`].
 pub(crate) fn split_label(label: u32, cells: &mut [Cell], out: &mut RawBoxes) -> Result<(), NoMemory> {
-    for cell in cells.iter_mut() {
-        let [x, y, z] = morton::decode(cell.key).map(u64::from);
-        cell.key = x | y << AXIS | z << (2 * AXIS);
+    for in_chunk in cells.chunk_by_mut(|a, b| a.key / CHUNK_CELLS == b.key / CHUNK_CELLS) {
+        for cell in in_chunk.iter_mut() {
+            let [x, y, z] = morton::decode(cell.key).map(u64::from);
+            cell.key = x | y << AXIS | z << (2 * AXIS);
+        }
+        split(label, in_chunk, out)?;
     }
-    split(label, cells, out)
+    Ok(())
 }
 
 fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) -> Result<(), NoMemory> {
@@ -109,14 +115,9 @@ fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) -> Result<(), NoMem
     let extent = [0, 1, 2].map(|a| high[a] - low[a] + 1);
 
     // A region that fits becomes a box.
-    let (axis, longest) = (0..3).map(|a| (a, extent[a])).fold((0, 0), |m, e| if e.1 > m.1 { e } else { m });
-    if longest <= BOX_CELLS {
+    let Some((axis, cut)) = cut(low, high) else {
         return emit(label, cells, low, extent, out);
-    }
-
-    // Halve at a whole number of boxes from the origin.
-    let boxes = longest.div_ceil(BOX_CELLS);
-    let cut = low[axis] + boxes / 2 * BOX_CELLS;
+    };
     let middle = partition(cells, |cell| coordinate(cell.key, axis) < cut);
     let (lower, upper) = cells.split_at_mut(middle);
     if lower.len().min(upper.len()) > PARALLEL_CELLS {
@@ -129,6 +130,15 @@ fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) -> Result<(), NoMem
         split(label, lower, out)?;
         split(label, upper, out)
     }
+}
+
+/// Where cells from `low` to `high` are cut, at a whole number of boxes from the origin: the axis and the first cell of the upper half. `None`
+/// where they fit into a box.
+pub(crate) fn cut(low: [u32; 3], high: [u32; 3]) -> Option<(usize, u32)> {
+    let extent = |a: usize| (a, high[a] - low[a] + 1);
+    let (axis, longest) = (0..3).map(extent).fold((0, 0), |m, e| if e.1 > m.1 { e } else { m });
+    let boxes = longest.div_ceil(BOX_CELLS);
+    (longest > BOX_CELLS).then(|| (axis, low[axis] + boxes / 2 * BOX_CELLS))
 }
 
 /// Moves the cells for which `is_lower` holds to the front and returns their number. It works in place and is not stable: [`emit`] places a

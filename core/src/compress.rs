@@ -3,21 +3,25 @@
 //! ```text
 //! calling thread:  next block ─► queue (at most 1 block a thread) ─► workers: block ─► part ─► store
 //!                  (queue full: the calling thread makes the part itself)
-//! at the end:      finish(store)
+//! at the end:      chunk after chunk ─► a volume in memory, or a file
 //! ```
 //! Only the calling thread reads the source, because most sources inflate a single stream; everything else uses all threads.
 
+use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
 use std::sync::{Mutex, PoisonError};
 
 use crate::cell::CELL;
-use crate::finish::{Budget, boxes_of_parts, finish};
+use crate::file;
+use crate::finish::{Budget, Known, bytes_without_limit, finish};
 use crate::sorted_cells::SortedCells;
-use crate::store::PartStore;
+use crate::store::{PartStore, StoredParts};
 use crate::volume::MAX_DIM;
+use crate::volume_sink::VolumeSink;
 use crate::{
-    ArraySource, BlockSource, CompressedVolume, Error, Job, LabelBlock, LabelBuffer, Result, VolumeInfo,
+    ArraySource, BlockSource, CompressedVolume, CompressionLevel, Error, Job, LabelBlock, LabelBuffer,
+    Result, VolumeInfo, WrittenVolume,
 };
 
 /// Options of compression. Only `types` changes the bytes of the result.
@@ -25,11 +29,12 @@ use crate::{
 pub struct CompressOptions {
     /// Threads to use; 0 means one for each logical processor.
     pub threads: usize,
-    /// Limit on memory in bytes. Records that do not fit are spilled to [`CompressOptions::temp_folder`]. A limit below the size of the
-    /// result is refused with the number of bytes that would suffice. The limit includes the result; it excludes the source's own buffers
-    /// and one block a thread, whose size the source decides.
+    /// Limit on memory in bytes. What does not fit goes to scratch files in [`CompressOptions::temp_folder`]. The limit includes the result
+    /// where that is in memory ([`compress`]): a limit below twice its size is refused with the number of bytes that would suffice. It
+    /// includes the table of labels, which is refused in the same way. It excludes the source's own buffers, one block a thread, whose size
+    /// the source decides, and what a program takes for itself.
     pub memory_limit_bytes: Option<u64>,
-    /// Folder for spilled records; `None` means the system's folder for temporary files.
+    /// Folder for scratch files; `None` means the system's folder for temporary files.
     pub temp_folder: Option<std::path::PathBuf>,
     /// Types to assign to the labels.
     pub types: Option<crate::TypeTable>,
@@ -54,50 +59,84 @@ pub fn compress(
     options: &CompressOptions,
     job: &Job,
 ) -> Result<CompressedVolume> {
+    let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
+    let (info, parts, labelled) = parts_of(source, options, &folder, job)?;
+    let known = Known { labelled: Some(labelled), touching: None };
+    volume_of_parts(info, parts, &known, options, &folder, job)
+}
+
+/// Compresses a source into a `.pumice` file, which appears under its name once all of it is on disk. What memory holds does not grow with the
+/// file, but with the table of labels and their contacts. Before the file is written, `describe` may give names, types and numbers to the
+/// labels of a volume without boxes.
+///
+/// # Errors
+/// As [`compress`]; those of `describe`; [`Error::Io`] where the file cannot be written. After an error there is no new file.
+pub fn compress_to_file(
+    source: &mut dyn BlockSource,
+    path: &Path,
+    level: CompressionLevel,
+    options: &CompressOptions,
+    describe: &mut (dyn FnMut(&mut CompressedVolume) -> Result<()> + Send),
+    job: &Job,
+) -> Result<WrittenVolume> {
+    let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
+    let (info, parts, labelled) = parts_of(source, options, &folder, job)?;
+    let known = Known { labelled: Some(labelled), touching: None };
+    let budget = Budget::new(options.memory_limit_bytes, info.dims, &folder);
+    let mut describe = |volume: &mut CompressedVolume| {
+        if let Some(types) = &options.types {
+            types.apply(&mut volume.labels);
+        }
+        describe(volume)
+    };
+    on_threads(options, || {
+        file::finish_into_file(path, level, info, parts, &known, &budget, &mut describe, job)
+    })
+}
+
+/// Reads all blocks of a source; returns the volume's info, what its chunks have, and the number of labelled voxels.
+fn parts_of(
+    source: &mut dyn BlockSource,
+    options: &CompressOptions,
+    folder: &Path,
+    job: &Job,
+) -> Result<(VolumeInfo, StoredParts, u64)> {
     let mut info = source.info().clone();
     check(&info)?;
     info.notes.sort_by_key(|n| n.id);
     info.notes.dedup_by_key(|n| n.id);
-    let threads = options.thread_count();
-    let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    // Records get a quarter of the limit, and waiting blocks at most another quarter; finishing may use all but the records' quarter.
-    let store = PartStore::new(options.memory_limit_bytes.map(|limit| limit / 4), folder);
-    let labelled = make_parts(source, &store, threads, options.memory_limit_bytes, job)?;
-    volume_of_parts(info, store, Some(labelled), None, options, job)
+    // Records get a quarter of the limit, and waiting blocks at most another quarter.
+    let bytes = options.memory_limit_bytes.unwrap_or_else(|| bytes_without_limit(info.dims));
+    let store = PartStore::new(bytes / 4, options.memory_limit_bytes, folder);
+    let labelled = make_parts(source, &store, options.thread_count(), options.memory_limit_bytes, job)?;
+    Ok((info, store.into_parts()?, labelled))
 }
 
-/// Builds the volume from all parts in a store. Where `labelled`, the number of labelled voxels that the parts were made from, is given, it
-/// is checked. `touching` holds the pairs of dense indices that touch within a chunk, where they are known.
-pub(crate) fn volume_of_parts(
-    info: VolumeInfo,
-    store: PartStore,
-    labelled: Option<u64>,
-    touching: Option<Vec<u64>>,
-    options: &CompressOptions,
-    job: &Job,
-) -> Result<CompressedVolume> {
+/// Runs work on as many threads as the options say.
+fn on_threads<T: Send>(options: &CompressOptions, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
     let threads = options.thread_count();
-    let parts = store.into_parts();
-    let budget = Budget::new(options.memory_limit_bytes, threads);
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| no_threads(threads, e))?;
-    pool.install(|| {
-        let (raw, labels) = boxes_of_parts(&parts, &budget, job)?;
-        // If blocks overlap in one label, the OR has fewer voxels than they delivered. Overlap of two labels shows later, in the search for
-        // contacts.
-        let kept: u64 = labels.voxels().iter().sum();
-        if let Some(labelled) = labelled.filter(|&labelled| labelled != kept) {
-            return Err(Error::Caller(format!(
-                "blocks of the source overlap: they delivered {labelled} labelled voxels and cover only {kept}; each voxel must come once"
-            )));
-        }
-        // Frees the parts' memory and the spill file before finishing needs its own.
-        drop(parts);
-        let mut volume = finish(info, raw, labels, job)?;
-        volume.labels.contacts = match touching {
-            Some(known) => volume.find_contacts_across_chunks(known, job)?,
-            None => volume.find_contacts(job)?,
-        };
+    pool.install(work)
+}
+
+/// Builds the volume from all parts.
+pub(crate) fn volume_of_parts(
+    info: VolumeInfo,
+    parts: StoredParts,
+    known: &Known,
+    options: &CompressOptions,
+    folder: &Path,
+    job: &Job,
+) -> Result<CompressedVolume> {
+    let budget = Budget::new(options.memory_limit_bytes, info.dims, folder);
+    on_threads(options, || {
+        let dims = info.dims;
+        let mut sink = VolumeSink::new(info, options.memory_limit_bytes);
+        let finished = finish(dims, parts, known, &budget, &mut sink, job)?;
+        let mut volume = sink.into_volume()?;
+        volume.labels = finished.labels;
+        volume.hash = finished.content_hash.into();
         if let Some(types) = &options.types {
             types.apply(&mut volume.labels);
         }

@@ -26,14 +26,7 @@ impl CompressedVolume {
     }
 
     fn hash_of_boxes(&self) -> u128 {
-        let mut hash = Xxh3::new();
-        for d in self.info.dims {
-            hash.update(&d.to_le_bytes());
-        }
-        hash.update(&(self.labels.len() as u64).to_le_bytes());
-        for id in self.labels.ids() {
-            hash.update(&id.to_le_bytes());
-        }
+        let mut hash = begun(self.info.dims, self.labels.ids());
         // Hashing is fastest in large pieces.
         let mut bytes = Vec::with_capacity(PIECE + MOST_BYTES_OF_BOX);
         self.for_each_box(|label, b| {
@@ -58,6 +51,19 @@ impl CompressedVolume {
         hash.update(&bytes);
         hash.digest128()
     }
+}
+
+/// The hash of what comes before the boxes.
+pub(crate) fn begun(dims: [u32; 3], ids: &[u64]) -> Xxh3 {
+    let mut hash = Xxh3::new();
+    for d in dims {
+        hash.update(&d.to_le_bytes());
+    }
+    hash.update(&(ids.len() as u64).to_le_bytes());
+    for id in ids {
+        hash.update(&id.to_le_bytes());
+    }
+    hash
 }
 
 /// XXH3-128 of the bytes of a file, read in pieces: for files that a picture depends on and that are no volumes, such as its sky.

@@ -34,7 +34,7 @@ pub enum Error {
     },
     /// A `.pumice` file of a version that this program does not read.
     #[error(
-        "{}: file version at byte 8: expected 5, got {got}; {}", path.display(), way_out(*got)
+        "{}: file version at byte 8: expected 6, got {got}; {}", path.display(), way_out(*got)
     )]
     Version {
         /// The file.
@@ -77,7 +77,7 @@ impl From<TargetError> for Error {
 
 /// What a user can do with a file of another version.
 fn way_out(version: u32) -> &'static str {
-    if version < 5 {
+    if version < 6 {
         "an older pumice wrote it: compress the source volume again"
     } else {
         "a newer pumice wrote it: open it with that one, or compress the source volume again"

@@ -13,12 +13,12 @@ use rayon::prelude::*;
 use crate::contacts::{PAIRS, Pairs};
 use crate::grid::{BRICK_VOXELS, BoxGrid, cells_between};
 use crate::reserve::make_room;
-use crate::{CHUNK_VOXELS, CompressedVolume, Contacts, Error, Job, Result, morton};
+use crate::{CompressedVolume, Contacts, Error, Job, Result, morton};
 
 /// Masks of the voxels of a cell with x = 0, with y = 0, with z = 0.
-const LOW_FACE: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];
+pub(crate) const LOW_FACE: [u64; 3] = [0x1111_1111_1111_1111, 0x000F_000F_000F_000F, 0xFFFF];
 /// Distance in bits of one step along x, y, z within a cell.
-const STEP: [u32; 3] = [1, 4, 16];
+pub(crate) const STEP: [u32; 3] = [1, 4, 16];
 
 /// The mask, extended by the neighbours of its voxels within the cell.
 #[inline]
@@ -96,23 +96,7 @@ impl CompressedVolume {
     pub fn find_contacts(&self, job: &Job) -> Result<Contacts> {
         // A grid for this call only: most volumes never need one again.
         let grid = self.new_grid()?;
-        let pairs = find(self, &grid, grid.bricks(), Vec::new(), job)?;
-        Ok(Contacts::pack(&pairs, self.labels().len() as u32)?)
-    }
-
-    /// Finds all touching pairs where those within a chunk are known, as they are for a volume read from a file of voxels.
-    pub(crate) fn find_contacts_across_chunks(&self, known: Vec<u64>, job: &Job) -> Result<Contacts> {
-        let pairs = if self.info().dims.iter().all(|&n| n <= CHUNK_VOXELS) {
-            rising(known)
-        } else {
-            let grid = self.new_grid()?;
-            let is_at_border = |code: &u64| {
-                let upper = morton::decode(*code).map(|b| (b + 1) * BRICK_VOXELS);
-                upper.iter().any(|&u| u.is_multiple_of(CHUNK_VOXELS))
-            };
-            let at_border: Vec<u64> = grid.bricks().iter().copied().filter(is_at_border).collect();
-            find(self, &grid, &at_border, known, job)?
-        };
+        let pairs = find(self, &grid, grid.bricks(), job)?;
         Ok(Contacts::pack(&pairs, self.labels().len() as u32)?)
     }
 }
@@ -124,14 +108,8 @@ fn rising(mut pairs: Vec<u64>) -> Vec<u64> {
     pairs
 }
 
-/// The touching pairs of some bricks and the known ones, as `a << 32 | b` with a < b, in rising order.
-fn find(
-    volume: &CompressedVolume,
-    grid: &BoxGrid,
-    bricks: &[u64],
-    known: Vec<u64>,
-    job: &Job,
-) -> Result<Vec<u64>> {
+/// The touching pairs of some bricks, as `a << 32 | b` with a < b, in rising order.
+fn find(volume: &CompressedVolume, grid: &BoxGrid, bricks: &[u64], job: &Job) -> Result<Vec<u64>> {
     job.begin(bricks.len() as u64);
     let tasks = bricks.len().div_ceil(TASK_BRICKS);
     let found: Vec<Result<Vec<u64>>> = (0..tasks)
@@ -154,7 +132,7 @@ fn find(
         })
         .collect();
     let found = found.into_iter().collect::<Result<Vec<_>>>()?;
-    let mut all = known;
+    let mut all = Vec::new();
     make_room(&mut all, found.iter().map(Vec::len).sum(), PAIRS)?;
     found.into_iter().for_each(|pairs| all.extend(pairs));
     Ok(rising(all))
@@ -217,7 +195,7 @@ fn add_voxels(a: u32, b: u32, pairs: &mut Pairs) {
 }
 
 /// Adds the pairs within a cell, and records when two labels claim one voxel.
-fn pairs_within(here: &[(u32, u64)], corner: [u32; 3], pairs: &mut Pairs) {
+pub(crate) fn pairs_within(here: &[(u32, u64)], corner: [u32; 3], pairs: &mut Pairs) {
     let mut claimed = 0;
     for &(_, mask) in here {
         if claimed & mask != 0 {
@@ -249,7 +227,7 @@ fn pairs_within(here: &[(u32, u64)], corner: [u32; 3], pairs: &mut Pairs) {
 }
 
 /// Adds the pairs across the face between a cell and the next one along an axis.
-fn pairs_across(here: &[(u32, u64)], there: &[(u32, u64)], axis: usize, pairs: &mut Pairs) {
+pub(crate) fn pairs_across(here: &[(u32, u64)], there: &[(u32, u64)], axis: usize, pairs: &mut Pairs) {
     if here.len() * there.len() > CROWDED_PAIRS {
         let (low, high) = (expand(here), expand(there));
         let step = STEP[axis] as usize;

@@ -1,373 +1,125 @@
-//! Turns parts into the compressed volume.
+//! Turns parts into the compressed volume, chunk after chunk.
 //!
 //! ```text
-//! for each label (in parallel):  gather its records from all parts ─► Snap4 boxes, each with its fields
-//! sort the boxes:                chunk (Morton), label, Morton code of the origin
-//! share:                         boxes with equal contents refer to one node
-//! leaves:                        the most frequent fields and slices of the distinct nodes
-//! write the nodes:               in the order of first use, then box records and label runs
+//! for each chunk, in Morton order (all threads work on one chunk):
+//!     boxes      of each label, with their contents, in their final order          chunk_boxes
+//!     touching   labels within the chunk, and across the faces to earlier chunks   touching
+//!     share      boxes with equal contents refer to one node                       sharing
+//!     leaves     the most frequent fields and slices of the distinct nodes         counted_fields, leaves
+//!     nodes      in the order of first use, and box records                        chunk_nodes
+//!     sink       takes them: a volume in memory, or a file
 //! ```
-//! The result of each step depends on the volume alone, so it is independent of threads, blocks and their order.
+//! What a step leaves to the next is in memory as far as its share of the limit allows, and otherwise in a scratch file. The result of each
+//! step depends on the volume alone, so it is independent of threads, blocks and their order, and of the limit.
 
-use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+use std::hash::{BuildHasher, Hasher, RandomState};
+use std::path::{Path, PathBuf};
 
-use rayon::prelude::*;
-use rustc_hash::FxHashMap;
-use xxhash_rust::xxh3::Xxh3;
-
-use crate::boxes::{BOXES, RawBox, RawBoxes, split_label};
-use crate::cell::Cell;
-use crate::leaves::{LeafIndex, Leaves};
-use crate::node::{node_words, write_node};
-use crate::reserve::{
-    check_room, collected, collected_by_threads, make_room, make_room_in_map, reserved, zeroed,
-};
-use crate::sorted_cells::Run;
+use crate::chunk_boxes::{ChunkBoxes, boxes_of_chunk};
+use crate::content_hash;
+use crate::memory::available_bytes;
+use crate::reserve::zeroed;
+use crate::spool::Scratch;
 use crate::store::StoredParts;
-use crate::volume::CHUNK_CELLS;
-use crate::{
-    BoxRecord, Chunk, CompressedVolume, Error, Job, LabelRun, LabelTable, Result, VolumeInfo, morton,
-};
+use crate::touching::Touching;
+use crate::{Error, Job, LabelTable, Result};
 
-/// Least number of records of a task: enough to hide the cost of a task, few enough to balance the load.
-const TASK_CELLS: usize = 1 << 15;
+/// Bytes that finishing works with at least: with less, it would write to disk byte by byte. A program takes more for itself.
+const LEAST_BYTES: u64 = 1 << 20;
 
-/// How far back, in words, a chunk may share nodes of earlier chunks. Its boxes refer to nodes by 32 bits from the chunk's base, and need
-/// room for their own nodes; a node before the window is written again.
-const SHARING_WINDOW_WORDS: u64 = 1 << 31;
-
-/// What memory is for, in errors.
-const NODES: &str = "the nodes of the volume";
-
-/// Limits on what finishing may use.
-pub(crate) struct Budget {
-    /// Bytes of memory, of which finishing may take three quarters; the rest is for records of parts that have not been spilled.
-    limit_bytes: Option<u64>,
-    /// Number of threads, each of which gathers the records of one label at a time.
-    threads: usize,
-    /// Bytes beyond which the free memory is compared with what is needed the next time.
-    ask_again_bytes: AtomicU64,
+/// Bytes to work with where no limit is given: what a densely packed volume of `dims` voxels needs, but at most half of what is free.
+pub(crate) fn bytes_without_limit(dims: [u32; 3]) -> u64 {
+    let voxels = dims.iter().fold(1u64, |product, &d| product.saturating_mul(d.into()));
+    let needed = (32 << 20_u64) + voxels.saturating_add(voxels / 4);
+    available_bytes().map_or(needed, |free| needed.min(free / 2))
 }
 
-/// Bytes that finishing holds for each box at its peak: raw box 48, hash 16, entry in the map of shared contents about 64, index of its
-/// contents 8. (The later search for contacts takes less: about 4 bricks a box at 20 bytes each, when these are gone.)
-const BYTES_A_BOX: u64 = 140;
-
-/// Bytes for each field: 8 raw, and 8 more while the results of tasks are joined, as an entry for the dictionary, or in its node.
-const BYTES_A_FIELD: u64 = 16;
-
-/// Bytes of a raw box and of a raw field, which are taken already when their memory is asked for.
-const RAW_BYTES: [u64; 2] = [48, 8];
-
-/// Free memory is asked for anew when so much more is needed: asking reads files of the system, and labels come by the million.
-const ASK_EVERY_BYTES: u64 = 64 << 20;
-
-/// Bytes that counting may take whatever the limit: less than a program takes for itself.
-const COUNTING_BYTES: u64 = 64 << 20;
+/// What finishing may take of memory.
+pub(crate) struct Budget {
+    /// The limit that was given, if one was.
+    pub(crate) limit_bytes: Option<u64>,
+    /// Bytes to work with: the limit, or [`bytes_without_limit`].
+    bytes: u64,
+    /// Folder for scratch files.
+    pub(crate) folder: PathBuf,
+    /// Seed of the hashes by which equal contents are found. It differs from run to run, so that nobody can make contents with equal hashes.
+    pub(crate) seed: u64,
+}
 
 impl Budget {
-    pub(crate) fn new(limit_bytes: Option<u64>, threads: usize) -> Self {
-        Self { limit_bytes, threads, ask_again_bytes: AtomicU64::new(ASK_EVERY_BYTES) }
+    /// The budget for a volume of `dims` voxels.
+    pub(crate) fn new(limit_bytes: Option<u64>, dims: [u32; 3], folder: &Path) -> Self {
+        let bytes = limit_bytes.map_or_else(|| bytes_without_limit(dims), |limit| limit.max(LEAST_BYTES));
+        let seed = RandomState::new().build_hasher().finish();
+        Self { limit_bytes, bytes, folder: folder.to_owned(), seed }
     }
 
-    /// Returns an error if the memory does not suffice; the error gives the limit that would. Without a limit, what is free is one; the records
-    /// of the largest label then count once, because not all threads have a label like it.
-    fn check(&self, index_bytes: u64, boxes: u64, fields: u64, largest_label: u64) -> Result<()> {
-        let Some(limit) = self.limit_bytes else {
-            let records = largest_label * size_of::<Cell>() as u64;
-            let [raw_box, raw_field] = RAW_BYTES;
-            let further = boxes * (BYTES_A_BOX - raw_box) + fields * (BYTES_A_FIELD - raw_field) + records;
-            if further >= self.ask_again_bytes.load(Relaxed) {
-                check_room("the boxes of the volume", further)?;
-                self.ask_again_bytes.fetch_max(further + ASK_EVERY_BYTES, Relaxed);
-            }
-            return Ok(());
-        };
-        let structures = boxes * BYTES_A_BOX + fields * BYTES_A_FIELD;
-        let need = structures + self.counting_bytes(index_bytes, largest_label);
-        let with_slack = |bytes: u64| bytes.saturating_mul(4).div_ceil(3);
-        if with_slack(need) <= limit {
-            return Ok(());
-        }
-        // The index depends on which blocks the threads merged, which is another choice the next time: half of it more suffices then too.
-        let got = with_slack(need + index_bytes / 2);
-        Err(Error::Limit { what: "bytes of memory".into(), limit, got })
-    }
-
-    /// Bytes that counting boxes takes: the index, and the records of one label a thread.
-    fn counting_bytes(&self, index_bytes: u64, largest_label: u64) -> u64 {
-        index_bytes + largest_label * size_of::<Cell>() as u64 * self.threads as u64
+    /// A share of the bytes to work with: one of so many equal ones.
+    pub(crate) fn share(&self, of: u64) -> u64 {
+        self.bytes / of
     }
 }
 
-/// Builds the boxes of all labels, and the label table without contacts.
-pub(crate) fn boxes_of_parts(
-    parts: &StoredParts,
-    budget: &Budget,
-    job: &Job,
-) -> Result<(RawBoxes, LabelTable)> {
-    let runs = parts.runs()?;
-    let index_bytes = parts.index_bytes() + (runs.capacity() * size_of::<Run>()) as u64;
-    job.begin(runs.iter().map(|r| (r.end - r.start) as u64).sum());
-
-    // Divide the labels into tasks of similar size; a label is never divided here.
-    let mut tasks: Vec<(u32, &[Run])> = Vec::new();
-    let (mut start, mut first_label, mut label, mut size) = (0, 0u32, 0u32, 0);
-    let (mut at, mut largest) = (0, 0);
-    for same_id in runs.chunk_by(|a, b| a.id == b.id) {
-        let cells = same_id.iter().map(|r| r.end - r.start).sum::<usize>();
-        largest = largest.max(cells as u64);
-        size += cells;
-        at += same_id.len();
-        label = label.checked_add(1).ok_or(Error::Limit {
-            what: "labels".into(),
-            limit: u32::MAX.into(),
-            got: 1 << 32,
-        })?;
-        if size >= TASK_CELLS {
-            tasks.push((first_label, &runs[start..at]));
-            (start, first_label, size) = (at, label, 0);
-        }
-    }
-    tasks.push((first_label, &runs[start..]));
-    if budget.counting_bytes(index_bytes, largest) > COUNTING_BYTES {
-        budget.check(index_bytes, 0, 0, largest).map_err(|error| match error {
-            // What the boxes take is not known: counting them would take more than the caller allows.
-            Error::Limit { what, limit, got } => Error::Limit { what: format!("{what} or more"), limit, got },
-            other => other,
-        })?;
-    }
-
-    // Each task yields the boxes, ids and voxel counts of its labels. Once the budget is exceeded, boxes are only counted, so that the
-    // error can give the limit that would suffice.
-    let (boxes_so_far, fields_so_far) = (AtomicU64::new(0), AtomicU64::new(0));
-    let fits = || budget.check(index_bytes, boxes_so_far.load(Relaxed), fields_so_far.load(Relaxed), largest);
-    let results: Vec<Result<(RawBoxes, LabelTable)>> = tasks
-        .into_par_iter()
-        .map(|(first_label, runs)| {
-            let (mut boxes, mut table, mut cells) = (RawBoxes::default(), LabelTable::default(), Vec::new());
-            for (i, same_id) in runs.chunk_by(|a, b| a.id == b.id).enumerate() {
-                job.check()?;
-                parts.gather(same_id, &mut cells)?;
-                table.ids.push(same_id[0].id);
-                table.voxels.push(cells.iter().map(|c| u64::from(c.mask.count_ones())).sum());
-                let before = (boxes.boxes.len() as u64, boxes.fields.len() as u64);
-                split_label(first_label + i as u32, &mut cells, &mut boxes)?;
-                boxes_so_far.fetch_add(boxes.boxes.len() as u64 - before.0, Relaxed);
-                fields_so_far.fetch_add(boxes.fields.len() as u64 - before.1, Relaxed);
-                if fits().is_err() {
-                    boxes = RawBoxes::default();
-                }
-                job.advance(same_id.iter().map(|r| (r.end - r.start) as u64).sum());
-            }
-            boxes.boxes.shrink_to_fit();
-            boxes.fields.shrink_to_fit();
-            Ok((boxes, table))
-        })
-        .collect();
-    fits()?;
-
-    let mut all = RawBoxes {
-        boxes: reserved(boxes_so_far.load(Relaxed) as usize, BOXES)?,
-        fields: reserved(fields_so_far.load(Relaxed) as usize, NODES)?,
-    };
-    let mut table = LabelTable::default();
-    for result in results {
-        let (boxes, labels) = result?;
-        all.append(boxes)?;
-        table.ids.extend(labels.ids);
-        table.voxels.extend(labels.voxels);
-    }
-    table.ids.shrink_to_fit();
-    table.voxels.shrink_to_fit();
-    Ok((all, table))
+/// Takes finished chunks, in Morton order.
+pub(crate) trait ChunkSink {
+    /// Takes a chunk.
+    fn chunk(&mut self, boxes: &ChunkBoxes<'_>, budget: &Budget, job: &Job) -> Result<()>;
 }
 
-/// Sort key of a box: chunk, label, Morton code of its origin within the chunk.
-fn rank(b: &RawBox) -> (u64, u32, u64) {
-    let code = morton::encode(b.origin);
-    (code / CHUNK_CELLS, b.label, code % CHUNK_CELLS)
+/// What is known of a volume once all of its chunks are finished.
+pub(crate) struct Finished {
+    /// Ids, numbers of voxels, and contacts.
+    pub(crate) labels: LabelTable,
+    pub(crate) content_hash: u128,
 }
 
-/// Builds the volume from its boxes.
+/// What a caller knows of the parts.
+pub(crate) struct Known {
+    /// Number of labelled voxels that the parts were made from, which is compared with what they have.
+    pub(crate) labelled: Option<u64>,
+    /// Pairs of dense labels that touch within a chunk, where they are known.
+    pub(crate) touching: Option<Vec<u64>>,
+}
+
+/// Finishes all chunks of a volume of `dims` voxels.
+///
+/// # Errors
+/// [`Error::Caller`] where blocks of the source overlap; [`Error::Limit`]; [`Error::Memory`]; [`Error::Io`]; [`Error::Cancelled`]; those of
+/// the sink.
 pub(crate) fn finish(
-    info: VolumeInfo,
-    raw: RawBoxes,
-    labels: LabelTable,
+    dims: [u32; 3],
+    mut parts: StoredParts,
+    known: &Known,
+    budget: &Budget,
+    sink: &mut dyn ChunkSink,
     job: &Job,
-) -> Result<CompressedVolume> {
-    finish_with_window(info, raw, labels, job, SHARING_WINDOW_WORDS)
-}
-
-fn finish_with_window(
-    info: VolumeInfo,
-    raw: RawBoxes,
-    labels: LabelTable,
-    job: &Job,
-    window_words: u64,
-) -> Result<CompressedVolume> {
-    let RawBoxes { mut boxes, fields } = raw;
-    if boxes.len() > u32::MAX as usize {
-        return Err(Error::Limit { what: "boxes".into(), limit: u32::MAX.into(), got: boxes.len() as u64 });
+) -> Result<Finished> {
+    let ids = std::mem::take(&mut parts.ids);
+    if u32::try_from(ids.len()).is_err() {
+        return Err(Error::Limit { what: "labels".into(), limit: u32::MAX.into(), got: ids.len() as u64 });
     }
-    job.check()?;
-    boxes.par_sort_unstable_by_key(rank);
-    let fields_of = |b: &RawBox| &fields[b.first_field..b.first_field + b.fields()];
-
-    // Find the distinct contents, in order of first use, and the contents of each box.
-    job.check()?;
-    let hash_of = |b: &RawBox| {
-        let mut hash = Xxh3::new();
-        hash.update(bytemuck::bytes_of(&[b.occupied, b.solid]));
-        hash.update(bytemuck::cast_slice(fields_of(b)));
-        hash.digest128()
-    };
-    let hashes: Vec<u128> = collected_by_threads(boxes.par_iter().map(hash_of), BOXES)?;
-    let mut first_with: FxHashMap<u128, u32> = FxHashMap::default();
-    let mut distinct: Vec<u32> = Vec::new();
-    let mut distinct_of_box: Vec<u32> = reserved(boxes.len(), BOXES)?;
-    for (i, (b, hash)) in boxes.iter().zip(&hashes).enumerate() {
-        make_room_in_map(&mut first_with, NODES)?;
-        let d = *first_with.entry(*hash).or_insert(distinct.len() as u32);
-        let same = distinct.get(d as usize).is_some_and(|&other| {
-            let o = &boxes[other as usize];
-            (o.occupied, o.solid) == (b.occupied, b.solid) && fields_of(o) == fields_of(b)
-        });
-        // The contents are new; or two contents have the same 128-bit hash, which has never been seen. Then the later one is not shared.
-        distinct_of_box.push(if same { d } else { distinct.len() as u32 });
-        if !same {
-            make_room(&mut distinct, 1, NODES)?;
-            distinct.push(i as u32);
-        }
+    let mut voxels: Vec<u64> = zeroed(ids.len(), "the table of labels")?;
+    let mut content = content_hash::begun(dims, &ids);
+    let faces = Scratch::new(&budget.folder);
+    let within = known.touching.is_none();
+    let known_pairs = known.touching.as_deref().unwrap_or_default();
+    let mut touching = Touching::new(dims, &faces, budget.share(4096), known_pairs)?;
+    job.begin(parts.records());
+    while let Some((code, records)) = parts.take_chunk(budget.share(16)) {
+        job.check()?;
+        let scratch = Scratch::new(&budget.folder);
+        let boxes = boxes_of_chunk(code, records, &ids, (&mut content, &mut voxels), &scratch, budget, job)?;
+        touching.chunk(boxes.cell.map(|c| 4 * c), &boxes.layers, within, job)?;
+        sink.chunk(&boxes, budget, job)?;
     }
-    drop((first_with, hashes));
-
-    // Choose the leaves of the distinct nodes.
-    job.check()?;
-    let count = distinct.iter().map(|&i| boxes[i as usize].fields()).sum();
-    let uses = distinct.iter().flat_map(|&i| fields_of(&boxes[i as usize])).copied();
-    let leaves = Leaves::of_fields(collected(count, uses, NODES)?)?;
-    let index = LeafIndex::new(&leaves);
-    let size_of_node = |&i: &u32| {
-        let b = &boxes[i as usize];
-        // At most MOST_NODE_WORDS.
-        node_words(b.occupied, fields_of(b), &index) as u16
-    };
-    let sizes: Vec<u16> = collected_by_threads(distinct.par_iter().map(size_of_node), NODES)?;
-
-    // Assign an offset to each node, chunk by chunk, and write records and runs.
-    job.check()?;
-    let mut volume = CompressedVolume::empty(info);
-    let mut records = reserved(boxes.len(), BOXES)?;
-    let mut place: Vec<Option<u64>> =
-        collected(distinct.len(), std::iter::repeat_n(None, distinct.len()), NODES)?;
-    let mut writes: Vec<u32> = Vec::new();
-    let mut words = 0u64;
-    for in_chunk in boxes.chunk_by(|a, b| rank(a).0 == rank(b).0) {
-        let first_box = records.len();
-        let chunk_cell = morton::decode(rank(&in_chunk[0]).0 * CHUNK_CELLS);
-        let node_base = words.saturating_sub(window_words);
-        volume.chunks.push(Chunk {
-            origin: chunk_cell.map(|c| 4 * c),
-            first_box: first_box as u64,
-            first_run: volume.runs.len() as u64,
-            node_base,
-        });
-        for (i, b) in in_chunk.iter().enumerate() {
-            if i == 0 || in_chunk[i - 1].label != b.label {
-                volume.runs.push(LabelRun { label: b.label, first_box: i as u32 });
-            }
-            let d = distinct_of_box[first_box + i];
-            let at = match place[d as usize] {
-                Some(at) if at >= node_base => at,
-                _ => {
-                    let at = words;
-                    words += u64::from(sizes[d as usize]);
-                    place[d as usize] = Some(at);
-                    make_room(&mut writes, 1, NODES)?;
-                    writes.push(d);
-                    at
-                }
-            };
-            let node = u32::try_from(at - node_base).map_err(|_| Error::Limit {
-                what: format!("bytes of nodes in the chunk at {:?}", chunk_cell.map(|c| 4 * c)),
-                limit: 2 << 32,
-                got: 2 * (at - node_base),
-            })?;
-            let cell = [0, 1, 2].map(|a| b.origin[a] - chunk_cell[a]);
-            records.push(BoxRecord::new(cell, b.extent.map(u32::from), node));
-        }
+    // If blocks overlap in one label, the OR has fewer voxels than they delivered. (Overlap of two labels shows where cells are compared.)
+    let kept: u64 = voxels.iter().sum();
+    if let Some(labelled) = known.labelled.filter(|&labelled| labelled != kept) {
+        return Err(Error::Caller(format!(
+            "blocks of the source overlap: they delivered {labelled} labelled voxels and cover only {kept}; each voxel must come once"
+        )));
     }
-    volume.runs.shrink_to_fit();
-    volume.chunks.shrink_to_fit();
-    volume.boxes = records.into();
-
-    // Write the nodes in parallel, each group of nodes into its own piece of the array.
-    let mut nodes: Vec<u16> = zeroed(words as usize, NODES)?;
-    let mut pieces = Vec::new();
-    let mut rest = nodes.as_mut_slice();
-    for group in writes.chunks(4096) {
-        let length = group.iter().map(|&d| usize::from(sizes[d as usize])).sum();
-        let (piece, tail) = rest.split_at_mut(length);
-        pieces.push((group, piece));
-        rest = tail;
-    }
-    pieces.into_par_iter().for_each(|(group, mut piece)| {
-        for &d in group {
-            let b = &boxes[distinct[d as usize] as usize];
-            let (node, tail) = piece.split_at_mut(usize::from(sizes[d as usize]));
-            write_node(b.occupied, b.solid, fields_of(b), &index, node);
-            piece = tail;
-        }
-    });
-    volume.nodes = nodes.into();
-    volume.leaves = leaves;
-    volume.labels = labels;
-    Ok(volume)
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-    use crate::{LabelBlock, LabelBuffer, LabelType, SortedCells, store::PartStore};
-
-    /// Boxes of a volume of three chunks along x that have the same few contents.
-    fn raw(dims: [u32; 3]) -> (RawBoxes, LabelTable, Vec<u64>) {
-        let ids: Vec<u8> =
-            (0..dims[0] * dims[1] * dims[2]).map(|i| ((i % dims[0] / 3 + i / dims[0]) % 4) as u8).collect();
-        let block = LabelBlock::x_fastest([0; 3], dims, LabelBuffer::U8(ids.clone()));
-        let store = PartStore::new(None, std::env::temp_dir());
-        store.add(SortedCells::from_block(&block, dims).unwrap(), false).unwrap();
-        let budget = Budget::new(None, 1);
-        let (raw, labels) = boxes_of_parts(&store.into_parts(), &budget, &Job::new()).unwrap();
-        (raw, labels, ids.into_iter().map(u64::from).collect())
-    }
-
-    #[test]
-    fn nodes_beyond_the_window_are_written_again() {
-        let dims = [3000, 5, 7];
-        let (raw, labels, ids) = raw(dims);
-        let mut sizes = Vec::new();
-        for window in [0, 10, 30, u64::MAX / 2] {
-            let info = VolumeInfo::new(dims, LabelType::U8);
-            let mut volume =
-                finish_with_window(info, raw.clone(), labels.clone(), &Job::new(), window).unwrap();
-            volume.labels.contacts = volume.find_contacts(&Job::new()).unwrap();
-            assert_eq!(volume.decode_ids([0; 3], dims).unwrap(), ids, "window {window}");
-            assert!(volume.chunks().iter().skip(1).any(|c| c.node_base > 0) || window > 1 << 32);
-            sizes.push(volume.nodes().len());
-
-            // The file's packed form must handle nodes that occur twice, too.
-            let folder = tempfile::tempdir().unwrap();
-            let path = folder.path().join("window.pumice");
-            for level in [crate::CompressionLevel::Fast, crate::CompressionLevel::Default] {
-                volume.save(&path, level, &Job::new()).unwrap();
-                let back = CompressedVolume::open(&path, &Job::new()).unwrap();
-                assert!(
-                    back.boxes == volume.boxes && back.nodes == volume.nodes && back.chunks == volume.chunks
-                );
-            }
-        }
-        assert!(sizes[0] > sizes[3] && sizes.is_sorted_by(|a, b| a >= b), "{sizes:?}");
-    }
+    let contacts = touching.into_contacts(ids.len() as u32)?;
+    let labels = LabelTable { ids, voxels, contacts, ..LabelTable::default() };
+    Ok(Finished { labels, content_hash: content.digest128() })
 }

@@ -27,11 +27,11 @@
 //! slice. Slices across z are best: slices across another axis make references 7 % larger, differences between slices 13 %. Rendering takes
 //! as much CPU time as with a dictionary of 65,536 leaves (1.36 CPU s for 480 × 270 pixels of 8 samples, both).
 
-use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
-use crate::NoMemory;
-use crate::reserve::{collected, make_room};
+use crate::Result;
+use crate::counted_fields::{Counted, CountedParts};
+use crate::reserve::make_room;
 
 /// Largest number of patterns: a reference has 13 bits beside those for mirroring.
 pub const MAX_PATTERNS: usize = 1 << 13;
@@ -95,7 +95,7 @@ pub fn flipped(field: u64, flip: u32) -> u64 {
 }
 
 /// The least of a field's mirror images, which stands for all of them.
-fn least_image(field: u64) -> u64 {
+pub(crate) fn least_image(field: u64) -> u64 {
     (0..8).map(|m| flipped(field, flip_of(m))).min().unwrap_or(field)
 }
 
@@ -108,9 +108,13 @@ fn slices_of(field: u64) -> [u16; 4] {
 /// What memory is for, in errors.
 const FIELDS: &str = "a list of the distinct fields of a volume";
 
+/// Sorts by falling weight, then by rising key.
+fn rank<K: Copy>(&(weight, key): &(u64, K)) -> (std::cmp::Reverse<u64>, K) {
+    (std::cmp::Reverse(weight), key)
+}
+
 /// The first `most` keys, by falling weight, then by rising key.
 fn heaviest<K: Copy + Ord + Send>(mut weighed: Vec<(u64, K)>, most: usize) -> Vec<K> {
-    let rank = |&(weight, key): &(u64, K)| (std::cmp::Reverse(weight), key);
     if weighed.len() > most {
         weighed.select_nth_unstable_by_key(most, rank);
         weighed.truncate(most);
@@ -120,23 +124,24 @@ fn heaviest<K: Copy + Ord + Send>(mut weighed: Vec<(u64, K)>, most: usize) -> Ve
     weighed.iter().map(|&(_, key)| key).collect()
 }
 
-/// A distinct field, its pattern, and how often it is used.
-#[derive(Clone, Copy, PartialEq, Eq, PartialOrd, Ord)]
-struct Counted {
-    pattern: u64,
-    field: u64,
-    uses: u64,
-}
-
-/// The patterns of greatest weight, of those that weigh more than they take. A pattern weighs what its fields weigh; fields of one pattern
-/// are neighbours in `counted`.
-fn heaviest_patterns(counted: &[Counted], weight: impl Fn(&Counted) -> u64) -> Result<Vec<u64>, NoMemory> {
-    let images = counted.chunk_by(|a, b| a.pattern == b.pattern);
-    let weighed = || {
-        let all = images.clone().map(|same| (same.iter().map(&weight).sum::<u64>(), same[0].pattern));
-        all.filter(|&(n, _)| n > WORDS_OF_PATTERN)
-    };
-    Ok(heaviest(collected(weighed().count(), weighed(), FIELDS)?, MAX_PATTERNS))
+/// The patterns of greatest weight, of those that weigh more than they take. A pattern weighs what its fields weigh.
+fn heaviest_patterns(counted: &CountedParts<'_>, weight: impl Fn(&Counted) -> u64) -> Result<Vec<u64>> {
+    let mut best: Vec<(u64, u64)> = Vec::new();
+    counted.for_each(|part| {
+        let images = part.chunk_by(|a, b| a.pattern == b.pattern);
+        let weighed = || {
+            let all = images.clone().map(|same| (same.iter().map(&weight).sum::<u64>(), same[0].pattern));
+            all.filter(|&(n, _)| n > WORDS_OF_PATTERN)
+        };
+        make_room(&mut best, weighed().count(), FIELDS)?;
+        best.extend(weighed());
+        if best.len() > MAX_PATTERNS {
+            best.select_nth_unstable_by_key(MAX_PATTERNS, rank);
+            best.truncate(MAX_PATTERNS);
+        }
+        Ok(())
+    })?;
+    Ok(heaviest(best, MAX_PATTERNS))
 }
 
 /// Number of each slice in the table; `u16::MAX` where a slice is not in it.
@@ -158,7 +163,7 @@ impl SliceNumbers {
 }
 
 impl Leaves {
-    /// Chooses the leaves for these fields (one entry a use), which are neither empty nor full; sorts `uses` in place.
+    /// Chooses the leaves for these fields, which are neither empty nor full.
     ///
     /// The slices come first: the most frequent slices of those fields that are not among the [`MAX_PATTERNS`] most used patterns. Slices
     /// that occur at most twice are left out (a use saves half a word, and a slice takes one). Then come the patterns, by the words that
@@ -166,37 +171,32 @@ impl Leaves {
     /// [`SHORT_SLICES`], whichever takes fewer words in all.
     ///
     /// # Errors
-    /// [`NoMemory`], where there is too little for the lists of distinct fields.
-    pub(crate) fn of_fields(mut uses: Vec<u64>) -> Result<Self, NoMemory> {
-        uses.par_sort_unstable();
-        let count = |same: &[u64]| Counted { pattern: 0, field: same[0], uses: same.len() as u64 };
-        let distinct = || uses.chunk_by(|a, b| a == b);
-        let mut counted: Vec<Counted> = collected(distinct().count(), distinct().map(count), FIELDS)?;
-        drop(uses);
-        counted.par_iter_mut().for_each(|c| c.pattern = least_image(c.field));
-        counted.par_sort_unstable();
-
-        let mut often = heaviest_patterns(&counted, |c| c.uses)?;
+    /// [`crate::Error::Memory`], where there is too little for the lists of distinct fields; [`crate::Error::Io`], where they are on disk.
+    pub(crate) fn of_counted(counted: &CountedParts<'_>) -> Result<Self> {
+        let mut often = heaviest_patterns(counted, |c| c.uses)?;
         often.sort_unstable();
         let mut slice_uses = vec![0u64; 1 << 16];
-        for c in counted.iter().filter(|c| often.binary_search(&c.pattern).is_err()) {
-            slices_of(c.field).iter().for_each(|&s| slice_uses[usize::from(s)] += c.uses);
-        }
+        counted.for_each(|part| {
+            for c in part.iter().filter(|c| often.binary_search(&c.pattern).is_err()) {
+                slices_of(c.field).iter().for_each(|&s| slice_uses[usize::from(s)] += c.uses);
+            }
+            Ok(())
+        })?;
         drop(often);
         let used = (0..=u16::MAX).zip(slice_uses).filter(|&(_, n)| n > 2).map(|(s, n)| (n, s)).collect();
         let slices = heaviest(used, MAX_SLICES);
 
         let few = slices[..slices.len().min(SHORT_SLICES)].to_vec();
-        let (words, leaves) = Self::with_slices(few, &counted)?;
+        let (words, leaves) = Self::with_slices(few, counted)?;
         if slices.len() <= SHORT_SLICES {
             return Ok(leaves);
         }
-        let (words_of_more, of_more) = Self::with_slices(slices, &counted)?;
+        let (words_of_more, of_more) = Self::with_slices(slices, counted)?;
         Ok(if words_of_more < words { of_more } else { leaves })
     }
 
     /// The leaves with these slices, and the number of words that they and all references take.
-    fn with_slices(slices: Vec<u16>, counted: &[Counted]) -> Result<(u64, Self), NoMemory> {
+    fn with_slices(slices: Vec<u16>, counted: &CountedParts<'_>) -> Result<(u64, Self)> {
         let numbers = SliceNumbers::new(&slices);
         let mut leaves = Self { patterns: Vec::new(), slices, rare: Vec::new() };
         let long = leaves.words_of(Class::Long) as u64;
@@ -211,17 +211,20 @@ impl Leaves {
         let mut patterns = leaves.patterns.clone();
         patterns.sort_unstable();
         let mut total = leaves.slices.len() as u64 + WORDS_OF_PATTERN * patterns.len() as u64;
-        for c in counted {
-            if patterns.binary_search(&c.pattern).is_ok() {
-                total += c.uses;
-                continue;
+        counted.for_each(|part| {
+            for c in part {
+                if patterns.binary_search(&c.pattern).is_ok() {
+                    total += c.uses;
+                    continue;
+                }
+                total += words(c);
+                if is_rare(numbers.of(c.field).1) {
+                    make_room(&mut leaves.rare, 1, FIELDS)?;
+                    leaves.rare.push(c.field);
+                }
             }
-            total += words(c);
-            if is_rare(numbers.of(c.field).1) {
-                make_room(&mut leaves.rare, 1, FIELDS)?;
-                leaves.rare.push(c.field);
-            }
-        }
+            Ok(())
+        })?;
         leaves.rare.sort_unstable();
         leaves.rare.shrink_to_fit();
         Ok((total, leaves))
@@ -360,6 +363,24 @@ impl<'a> LeafIndex<'a> {
 }
 
 #[cfg(test)]
+impl Leaves {
+    /// The leaves for these fields, one entry a use; the same in one part and in many.
+    pub(crate) fn of_fields(uses: Vec<u64>) -> Self {
+        use crate::counted_fields::CountedFields;
+        use crate::spool::Scratch;
+        let scratch = Scratch::new(&std::env::temp_dir());
+        let with = |most_bytes| {
+            let mut fields = CountedFields::new(&scratch, uses.len() as u64, most_bytes);
+            uses.chunks(100).for_each(|some| fields.add(some).unwrap());
+            Self::of_counted(&fields.counted().unwrap()).unwrap()
+        };
+        let leaves = with(u64::MAX);
+        assert!(uses.len() < 40_000 || leaves == with(1));
+        leaves
+    }
+}
+
+#[cfg(test)]
 mod tests {
     use super::*;
 
@@ -387,7 +408,7 @@ mod tests {
 
     /// Refers to every field by the leaves and checks that it is read back. Returns the leaves and the number of references of each class.
     fn named(uses: Vec<u64>) -> (Leaves, [usize; 4]) {
-        let leaves = Leaves::of_fields(uses.clone()).unwrap();
+        let leaves = Leaves::of_fields(uses.clone());
         assert!(leaves.patterns.len() <= MAX_PATTERNS && leaves.slices.len() <= MAX_SLICES);
         assert!(leaves.patterns.iter().all(|&p| p == least_image(p)));
         let index = LeafIndex::new(&leaves);
@@ -445,10 +466,10 @@ mod tests {
     #[test]
     fn a_pattern_must_save_more_than_it_takes() {
         // A use saves three words where a slice is not in the table, otherwise one; a pattern takes four.
-        let leaves = Leaves::of_fields([vec![0xF0; 4], vec![0xF; 5]].concat()).unwrap();
+        let leaves = Leaves::of_fields([vec![0xF0; 4], vec![0xF; 5]].concat());
         assert_eq!(leaves.patterns, [0xF]);
         // Fields mirrored along y have one pattern.
-        let leaves = Leaves::of_fields([vec![0xF000; 3], vec![0xF; 2], vec![0x8]].concat()).unwrap();
+        let leaves = Leaves::of_fields([vec![0xF000; 3], vec![0xF; 2], vec![0x8]].concat());
         assert_eq!(leaves.patterns, [0xF]);
     }
 
@@ -456,7 +477,7 @@ mod tests {
     fn no_more_than_references_reach() {
         let mut s = 3;
         let uses: Vec<u64> = (0..9000).flat_map(|_| [random(&mut s) | 1; 5]).collect();
-        let leaves = Leaves::of_fields(uses).unwrap();
+        let leaves = Leaves::of_fields(uses);
         assert_eq!(leaves.patterns.len(), MAX_PATTERNS);
     }
 }

@@ -2,9 +2,9 @@
 //! DAG, after *SVDAG Compression for Segmentation Volume Path Tracing* (Werner, Piochowiak, Dachsbacher, VMV 2024).
 //!
 //! ```text
-//! BlockSource ──► parts ──► merge ──► finish ──► CompressedVolume ──► .pumice
-//!   labels        (label, cell, mask)  boxes, nodes,  queries, decoding
-//!   by block      records, OR-ed       leaves
+//! BlockSource ──► parts, by chunk ──► finish ──► CompressedVolume ──► .pumice
+//!   labels        (label, cell, mask)  boxes, nodes,  queries, decoding     ▲
+//!   by block      records, OR-ed       leaves └─────────────────────────────┘ chunk by chunk, in bounded memory
 //! ```
 
 pub mod annotations;
@@ -15,9 +15,12 @@ mod bounds;
 pub mod box_record;
 mod boxes;
 pub mod cell;
+mod chunk_boxes;
+mod chunk_nodes;
 pub mod compress;
 pub mod contacts;
 pub mod content_hash;
+mod counted_fields;
 mod decode;
 pub mod elements;
 pub mod error;
@@ -30,6 +33,7 @@ pub mod input_file;
 pub mod job;
 pub mod label_query;
 pub mod label_table;
+mod layers;
 pub mod leaves;
 pub mod memory;
 pub mod mesh;
@@ -40,11 +44,15 @@ mod one_line;
 pub mod outputs;
 pub mod reserve;
 mod scan;
+mod sharing;
 pub mod sorted_cells;
+mod spool;
 mod store;
+mod touching;
 pub mod types;
 pub mod verify;
 pub mod volume;
+mod volume_sink;
 
 pub use annotations::{AnnotationFit, AnnotationTable, NumericColumn};
 pub use array_source::ArraySource;
@@ -52,11 +60,11 @@ pub use atomic_file::{TargetError, WrittenFile, link_target, write_atomically, w
 pub use block::{BlockSource, LabelBlock, LabelBuffer};
 pub use bounds::Bounds;
 pub use box_record::BoxRecord;
-pub use compress::{CompressOptions, compress, compress_labels};
+pub use compress::{CompressOptions, compress, compress_labels, compress_to_file};
 pub use contacts::Contacts;
 pub use elements::Elements;
 pub use error::{Error, Result};
-pub use file::CompressionLevel;
+pub use file::{CompressionLevel, WrittenVolume};
 pub use grid::BoxGrid;
 pub use info::{LabelNote, LabelType, Unit, VolumeInfo, WorldFrame};
 pub use input_file::{open_input, read_input};

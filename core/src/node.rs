@@ -294,7 +294,7 @@ mod tests {
     fn written_nodes_are_read_back() {
         let mut s = 5;
         let all: Vec<_> = (0..400).map(|i| contents(&mut s, [3, 40, 100][i % 3])).collect();
-        let leaves = Leaves::of_fields(all.iter().flat_map(|(_, _, f)| f).copied().collect()).unwrap();
+        let leaves = Leaves::of_fields(all.iter().flat_map(|(_, _, f)| f).copied().collect());
         let index = LeafIndex::new(&leaves);
         let (mut nodes, mut starts, mut seen) = (Vec::new(), Vec::new(), [0; 4]);
         for (occupied, solid, fields) in &all {

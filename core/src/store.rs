@@ -1,22 +1,25 @@
-//! Stores parts until the volume is finished: in memory or, beyond a limit, in a spill file.
+//! Stores parts by chunk until the volume is finished: in memory or, beyond a limit, in a temporary file.
 //!
 //! ```text
 //! add(part):  merges small or ragged parts in groups of eight    (a block that cuts cells leaves each cell in several parts)
-//!             above the limit, all records move to the spill file, one part after another
-//! finish:     gather(label) fetches the label's records from every part, in memory or on disk, then sorts and ORs them
+//!             divides the part by chunk
+//!             above the limit, all parts move to the scratch file, each as  ids │ numbers of records │ records
+//! a chunk:    ChunkRecords::next_label gives label after label, with its records of every part
 //! ```
-//! The spill file has no name (it is unlinked as soon as it is open), so nothing remains however the process ends. Only records are
-//! spilled, 16 bytes each; a part's ids and offsets stay in memory, because merging reads them in order.
+//! A part in the file takes some bytes of memory, and while its chunk is finished a small buffer.
 
-use std::fs::File;
-use std::io::{Seek, SeekFrom, Write};
-use std::path::PathBuf;
+use std::collections::BTreeMap;
+use std::path::Path;
 use std::sync::{Mutex, PoisonError};
 
-use crate::cell::{Cell, sort_and_or};
-use crate::reserve::make_room;
-use crate::sorted_cells::{Run, SortedCells, runs_by_id};
-use crate::{Error, NoMemory, Result};
+use rustc_hash::FxHashMap;
+
+use crate::cell::Cell;
+use crate::reserve::{make_room, make_room_in_map};
+use crate::sorted_cells::SortedCells;
+use crate::spool::Scratch;
+use crate::volume::CHUNK_CELLS;
+use crate::{Error, Result};
 
 /// Number of parts of one merge level that are merged into one part of the next.
 const MERGE_PARTS: usize = 8;
@@ -24,47 +27,51 @@ const MERGE_PARTS: usize = 8;
 /// Parts with at least this many records are not merged: that would cost more than it saves.
 const SMALL_CELLS: usize = 1 << 16;
 
-/// A part whose records are in memory or in the spill file.
-struct StoredPart {
-    ids: Vec<u64>,
-    offsets: Vec<usize>,
-    place: StoredCells,
-}
+/// Parts of a chunk are merged before they are written where more of them, and of fewer records on average, wait.
+const MANY_PIECES: usize = 16;
+const FEW_CELLS: usize = 1 << 13;
 
-enum StoredCells {
-    Memory(Vec<Cell>),
-    /// Index of the first record in the spill file.
-    Disk(u64),
-}
+/// Bytes that an id takes in the set of all ids, and then in the label table, at most.
+const BYTES_A_LABEL: u64 = 40;
 
-/// The file that takes the records that exceed the limit.
-struct Spill {
-    file: File,
-    folder: PathBuf,
-    cells: u64,
+/// Bytes beyond the limit that counting the labels of a refused volume may take.
+const COUNTING_BYTES: u64 = 32 << 20;
+
+/// What memory is for, in errors.
+const LABELS: &str = "the table of labels";
+const RECORDS: &str = "the cells of a label";
+
+/// What one part has of a chunk.
+enum Piece {
+    Memory(SortedCells),
+    /// Place in the scratch file, number of labels, number of records.
+    Disk(u64, u64, u64),
 }
 
 #[derive(Default)]
 struct State {
     /// Parts that wait to be merged with others; level k holds results of k merges.
     waiting: Vec<Vec<SortedCells>>,
-    done: Vec<StoredPart>,
-    /// Bytes on the heap of the records in memory.
+    /// Pieces of each chunk, by its Morton code.
+    chunks: BTreeMap<u64, Vec<Piece>>,
+    ids: FxHashMap<u64, ()>,
+    /// Bytes on the heap of the parts in memory.
     bytes: u64,
-    spill: Option<Spill>,
 }
 
 /// Collects parts from several threads; see the module documentation.
 pub(crate) struct PartStore {
     state: Mutex<State>,
-    limit_bytes: Option<u64>,
-    folder: PathBuf,
+    limit_bytes: u64,
+    /// The limit of the whole compression, which the labels' table must not exceed.
+    table_limit_bytes: Option<u64>,
+    scratch: Scratch,
 }
 
 impl PartStore {
     /// A store that keeps at most `limit_bytes` of records in memory and writes the rest to a file in `folder`.
-    pub(crate) fn new(limit_bytes: Option<u64>, folder: PathBuf) -> Self {
-        Self { state: Mutex::default(), limit_bytes, folder }
+    pub(crate) fn new(limit_bytes: u64, table_limit_bytes: Option<u64>, folder: &Path) -> Self {
+        Self { state: Mutex::default(), limit_bytes, table_limit_bytes, scratch: Scratch::new(folder) }
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, State> {
@@ -73,6 +80,9 @@ impl PartStore {
     }
 
     /// Adds a part. `ragged` means that its block cuts through cells, so merging it with its neighbours makes it smaller.
+    ///
+    /// # Errors
+    /// [`Error::Limit`] where the table of labels would exceed the limit; [`Error::Io`], [`Error::Memory`].
     pub(crate) fn add(&self, part: SortedCells, ragged: bool) -> Result<()> {
         let (mut part, mut level) = (part, 0);
         loop {
@@ -83,13 +93,13 @@ impl PartStore {
             if state.waiting.len() <= level {
                 state.waiting.resize_with(level + 1, Vec::new);
             }
-            state.bytes += cell_bytes(&part);
+            state.bytes += part.bytes();
             state.waiting[level].push(part);
             if state.waiting[level].len() < MERGE_PARTS {
                 return self.relieve(&mut state);
             }
             let group = std::mem::take(&mut state.waiting[level]);
-            state.bytes -= group.iter().map(cell_bytes).sum::<u64>();
+            state.bytes -= group.iter().map(SortedCells::bytes).sum::<u64>();
             drop(state);
             part = SortedCells::merge(&group)?;
             level += 1;
@@ -97,164 +107,335 @@ impl PartStore {
     }
 
     fn keep(&self, state: &mut State, part: SortedCells) -> Result<()> {
-        state.bytes += cell_bytes(&part);
-        state.done.push(StoredPart {
-            ids: part.ids,
-            offsets: part.offsets,
-            place: StoredCells::Memory(part.cells),
-        });
+        self.file(state, part)?;
         self.relieve(state)
     }
 
-    /// Spills all records if they exceed the limit.
-    fn relieve(&self, state: &mut State) -> Result<()> {
-        if self.limit_bytes.is_none_or(|limit| state.bytes <= limit) {
-            return Ok(());
+    /// Puts what a part has of each chunk with the chunk.
+    fn file(&self, state: &mut State, part: SortedCells) -> Result<()> {
+        for &id in part.ids() {
+            make_room_in_map(&mut state.ids, LABELS)?;
+            state.ids.insert(id, ());
         }
-        let io = |source| Error::Io { path: self.folder.clone(), source };
-        let State { waiting, done, bytes, spill } = state;
-        done.extend(waiting.iter_mut().flat_map(std::mem::take).map(|part| StoredPart {
-            ids: part.ids,
-            offsets: part.offsets,
-            place: StoredCells::Memory(part.cells),
-        }));
-        let spill = match spill {
-            Some(spill) => spill,
-            None => {
-                let file = tempfile::tempfile_in(&self.folder).map_err(io)?;
-                spill.insert(Spill { file, folder: self.folder.clone(), cells: 0 })
-            }
-        };
-        for part in done.iter_mut() {
-            if let StoredCells::Memory(cells) = &part.place {
-                spill.file.seek(SeekFrom::Start(spill.cells * size_of::<Cell>() as u64)).map_err(io)?;
-                spill.file.write_all(bytemuck::cast_slice(cells)).map_err(io)?;
-                let first = spill.cells;
-                spill.cells += cells.len() as u64;
-                part.place = StoredCells::Disk(first);
-            }
+        if self.table_error(state).is_some() {
+            // The volume is refused. Labels are counted to the end, so that the error can say what is needed, as far as there is room.
+            state.chunks.clear();
+            state.bytes = 0;
+            let limit = self.table_limit_bytes.unwrap_or(u64::MAX).saturating_add(COUNTING_BYTES);
+            let ids_bytes = (state.ids.capacity() * size_of::<u64>() * 9 / 8) as u64;
+            return if ids_bytes <= limit { Ok(()) } else { Err(self.refusal(state, " or more")) };
         }
-        *bytes = 0;
+        for (chunk, piece) in by_chunk(part)? {
+            state.bytes += piece.bytes();
+            state.chunks.entry(chunk).or_default().push(Piece::Memory(piece));
+        }
         Ok(())
     }
 
-    /// Ends adding and returns all parts, ready to gather from.
-    pub(crate) fn into_parts(self) -> StoredParts {
-        let State { waiting, mut done, spill, .. } =
-            self.state.into_inner().unwrap_or_else(PoisonError::into_inner);
-        done.extend(waiting.into_iter().flatten().map(|part| StoredPart {
-            ids: part.ids,
-            offsets: part.offsets,
-            place: StoredCells::Memory(part.cells),
-        }));
-        StoredParts { parts: done, spill }
+    /// The error of a table of labels that exceeds the limit.
+    fn table_error(&self, state: &State) -> Option<Error> {
+        let needed = state.ids.len() as u64 * BYTES_A_LABEL;
+        self.table_limit_bytes.filter(|&limit| needed > limit).map(|_| self.refusal(state, ""))
+    }
+
+    fn refusal(&self, state: &State, more: &str) -> Error {
+        let labels = state.ids.len();
+        Error::Limit {
+            what: format!("bytes of memory{more} for the table of {labels} labels"),
+            limit: self.table_limit_bytes.unwrap_or(u64::MAX),
+            got: labels as u64 * BYTES_A_LABEL,
+        }
+    }
+
+    /// Writes all parts to the file if they exceed the limit.
+    fn relieve(&self, state: &mut State) -> Result<()> {
+        if state.bytes <= self.limit_bytes {
+            return Ok(());
+        }
+        for part in state.waiting.iter_mut().flat_map(std::mem::take).collect::<Vec<_>>() {
+            self.file(state, part)?;
+        }
+        for pieces in state.chunks.values_mut() {
+            let mut in_memory = Vec::new();
+            pieces.retain_mut(|piece| match piece {
+                Piece::Memory(part) => {
+                    in_memory.push(std::mem::take(part));
+                    false
+                }
+                Piece::Disk(..) => true,
+            });
+            let cells: usize = in_memory.iter().map(SortedCells::len).sum();
+            if in_memory.len() > MANY_PIECES && cells < FEW_CELLS * in_memory.len() {
+                in_memory = vec![SortedCells::merge(&in_memory)?];
+            }
+            for part in in_memory {
+                let counts: Vec<u64> = part.offsets.windows(2).map(|w| (w[1] - w[0]) as u64).collect();
+                let place = self.scratch.append(bytemuck::cast_slice(&part.ids))?;
+                self.scratch.append(bytemuck::cast_slice(&counts))?;
+                self.scratch.append(bytemuck::cast_slice(&part.cells))?;
+                pieces.push(Piece::Disk(place, part.ids.len() as u64, part.cells.len() as u64));
+            }
+        }
+        state.bytes = 0;
+        Ok(())
+    }
+
+    /// Ends adding.
+    ///
+    /// # Errors
+    /// As [`PartStore::add`].
+    pub(crate) fn into_parts(self) -> Result<StoredParts> {
+        let mut state = std::mem::take(&mut *self.lock());
+        for part in state.waiting.iter_mut().flat_map(std::mem::take).collect::<Vec<_>>() {
+            self.file(&mut state, part)?;
+        }
+        if let Some(error) = self.table_error(&state) {
+            return Err(error);
+        }
+        let mut ids: Vec<u64> = crate::reserve::reserved(state.ids.len(), LABELS)?;
+        ids.extend(std::mem::take(&mut state.ids).into_keys());
+        ids.sort_unstable();
+        // Chunks without a record have no entry, since a piece has at least one.
+        Ok(StoredParts { ids, chunks: state.chunks, scratch: self.scratch })
     }
 }
 
-fn cell_bytes(part: &SortedCells) -> u64 {
-    (part.cells.capacity() * size_of::<Cell>()) as u64
+/// What a part has of each chunk. Most parts lie in one chunk, and stay as they are.
+fn by_chunk(part: SortedCells) -> Result<Vec<(u64, SortedCells)>> {
+    let chunk_of = |cell: &Cell| cell.key / CHUNK_CELLS;
+    let ends = (0..part.ids.len()).map(|i| part.cells_of(i)).filter_map(|c| c.first().zip(c.last()));
+    let (low, high) = ends.fold((u64::MAX, 0), |(low, high), (first, last)| {
+        (low.min(chunk_of(first)), high.max(chunk_of(last)))
+    });
+    if low > high {
+        return Ok(Vec::new());
+    }
+    if low == high {
+        return Ok(vec![(low, part)]);
+    }
+    let mut pieces: BTreeMap<u64, SortedCells> = BTreeMap::new();
+    for (i, &id) in part.ids.iter().enumerate() {
+        for in_chunk in part.cells_of(i).chunk_by(|a, b| chunk_of(a) == chunk_of(b)) {
+            let piece = pieces
+                .entry(chunk_of(&in_chunk[0]))
+                .or_insert_with(|| SortedCells { offsets: vec![0], ..SortedCells::default() });
+            make_room(&mut piece.cells, in_chunk.len(), RECORDS)?;
+            piece.cells.extend_from_slice(in_chunk);
+            piece.ids.push(id);
+            piece.offsets.push(piece.cells.len());
+        }
+    }
+    Ok(pieces.into_iter().collect())
 }
 
 /// All parts of a volume, after the last was added.
 pub(crate) struct StoredParts {
-    parts: Vec<StoredPart>,
-    spill: Option<Spill>,
+    /// The ids of all labels, rising.
+    pub(crate) ids: Vec<u64>,
+    chunks: BTreeMap<u64, Vec<Piece>>,
+    scratch: Scratch,
 }
 
 impl StoredParts {
-    /// The runs of all labels in all parts, by rising id.
-    ///
-    /// # Errors
-    /// [`NoMemory`].
-    pub(crate) fn runs(&self) -> std::result::Result<Vec<Run>, NoMemory> {
-        runs_by_id(self.parts.iter().map(|p| (p.ids.as_slice(), p.offsets.as_slice())))
+    /// Number of records of all parts.
+    pub(crate) fn records(&self) -> u64 {
+        let of_piece = |piece: &Piece| match piece {
+            Piece::Memory(part) => part.len() as u64,
+            Piece::Disk(_, _, records) => *records,
+        };
+        self.chunks.values().flatten().map(of_piece).sum()
     }
 
-    /// Bytes on the heap of ids and offsets, which cannot be spilled.
-    pub(crate) fn index_bytes(&self) -> u64 {
-        self.parts.iter().map(|p| 8 * (p.ids.capacity() + p.offsets.capacity()) as u64).sum()
+    /// Removes the records of the first chunk that is left; returns its Morton code too. `buffer_bytes` is for reading all of its parts.
+    pub(crate) fn take_chunk(&mut self, buffer_bytes: u64) -> Option<(u64, ChunkRecords<'_>)> {
+        let (code, pieces) = self.chunks.pop_first()?;
+        let most = (buffer_bytes as usize / pieces.len().max(1)).clamp(1 << 12, 1 << 16);
+        let cursors = pieces.into_iter().map(|piece| Cursor::new(piece, most)).collect();
+        Some((code, ChunkRecords { cursors, scratch: &self.scratch }))
+    }
+}
+
+/// The records of one chunk, label after label by rising id.
+pub(crate) struct ChunkRecords<'a> {
+    cursors: Vec<Cursor>,
+    scratch: &'a Scratch,
+}
+
+/// Reads one part.
+struct Cursor {
+    piece: Piece,
+    /// Labels that were begun, and the next record.
+    label: u64,
+    record: u64,
+    /// The next label and how many of its records are left; `None` before the first and after the last.
+    next: Option<(u64, u64)>,
+    /// From the file: ids and numbers of records from label `known_from` on, and records from `cells_from` on.
+    known: Vec<(u64, u64)>,
+    known_from: u64,
+    cells: Vec<Cell>,
+    cells_from: u64,
+    buffer_bytes: usize,
+    begun: bool,
+}
+
+impl Cursor {
+    fn new(piece: Piece, buffer_bytes: usize) -> Self {
+        Self {
+            piece,
+            label: 0,
+            record: 0,
+            next: None,
+            known: Vec::new(),
+            known_from: 0,
+            cells: Vec::new(),
+            cells_from: 0,
+            buffer_bytes,
+            begun: false,
+        }
     }
 
-    /// Replaces `cells` by one label's records from all its runs, sorted and ORed.
-    pub(crate) fn gather(&self, runs: &[Run], cells: &mut Vec<Cell>) -> Result<()> {
-        cells.clear();
-        make_room(cells, runs.iter().map(|run| run.end - run.start).sum(), "the cells of a label")?;
-        for run in runs {
-            let part = &self.parts[run.part as usize];
-            match (&part.place, &self.spill) {
-                (StoredCells::Memory(all), _) => cells.extend_from_slice(&all[run.start..run.end]),
-                (StoredCells::Disk(first), Some(spill)) => {
-                    let start = cells.len();
-                    cells.resize(start + (run.end - run.start), Cell { key: 0, mask: 0 });
-                    let at = (first + run.start as u64) * size_of::<Cell>() as u64;
-                    read_exact_at(&spill.file, bytemuck::cast_slice_mut(&mut cells[start..]), at)
-                        .map_err(|source| Error::Io { path: spill.folder.clone(), source })?;
-                }
-                // This cannot occur: a part is on disk only after the spill file was created.
-                (StoredCells::Disk(_), None) => {}
+    /// Moves on to the next label.
+    fn advance(&mut self, scratch: &Scratch) -> Result<()> {
+        self.begun = true;
+        self.next = match &self.piece {
+            Piece::Memory(part) => {
+                let i = self.label as usize;
+                part.ids.get(i).map(|&id| (id, (part.offsets[i + 1] - part.offsets[i]) as u64))
             }
-        }
-        if runs.len() > 1 {
-            sort_and_or(cells)?;
-        }
+            &Piece::Disk(place, labels, _) if self.label < labels => {
+                if self.label >= self.known_from + self.known.len() as u64 {
+                    let n = (labels - self.label).min(self.buffer_bytes as u64 / 16);
+                    let mut numbers = vec![0u64; 2 * n as usize];
+                    let (ids, counts) = numbers.split_at_mut(n as usize);
+                    scratch.read(bytemuck::cast_slice_mut(ids), place + 8 * self.label)?;
+                    scratch.read(bytemuck::cast_slice_mut(counts), place + 8 * (labels + self.label))?;
+                    self.known = ids.iter().copied().zip(counts.iter().copied()).collect();
+                    self.known_from = self.label;
+                }
+                Some(self.known[(self.label - self.known_from) as usize])
+            }
+            Piece::Disk(..) => None,
+        };
+        self.label += 1;
         Ok(())
     }
-}
 
-/// Reads at an offset without moving the cursor, which other threads share.
-#[cfg(unix)]
-fn read_exact_at(file: &File, bytes: &mut [u8], at: u64) -> std::io::Result<()> {
-    std::os::unix::fs::FileExt::read_exact_at(file, bytes, at)
-}
-
-/// Reads at an offset; each Windows call both sets the cursor and reads, so threads do not interfere.
-#[cfg(windows)]
-fn read_exact_at(file: &File, bytes: &mut [u8], at: u64) -> std::io::Result<()> {
-    use std::os::windows::fs::FileExt;
-    let mut done = 0;
-    while done < bytes.len() {
-        match file.seek_read(&mut bytes[done..], at + done as u64)? {
-            0 => return Err(std::io::ErrorKind::UnexpectedEof.into()),
-            n => done += n,
+    /// Appends up to `most` records of the current label; returns their number.
+    fn read(&mut self, most: u64, cells: &mut Vec<Cell>, scratch: &Scratch) -> Result<u64> {
+        let Some((_, left)) = &mut self.next else { return Ok(0) };
+        let n = most.min(*left);
+        make_room(cells, n as usize, RECORDS)?;
+        match &self.piece {
+            Piece::Memory(part) => {
+                cells.extend_from_slice(&part.cells[self.record as usize..(self.record + n) as usize]);
+            }
+            &Piece::Disk(place, labels, records) => {
+                let first = place + 16 * labels;
+                let (mut at, end) = (self.record, self.record + n);
+                while at < end {
+                    let ready_end = self.cells_from + self.cells.len() as u64;
+                    if at >= ready_end {
+                        let room = (self.buffer_bytes / size_of::<Cell>()) as u64;
+                        if end - at >= room {
+                            // Into the caller's own memory.
+                            let from = cells.len();
+                            cells.resize(from + (end - at) as usize, Cell { key: 0, mask: 0 });
+                            scratch.read(bytemuck::cast_slice_mut(&mut cells[from..]), first + 16 * at)?;
+                            break;
+                        }
+                        self.cells.resize(room.min(records - at) as usize, Cell { key: 0, mask: 0 });
+                        scratch.read(bytemuck::cast_slice_mut(&mut self.cells), first + 16 * at)?;
+                        self.cells_from = at;
+                        continue;
+                    }
+                    let to = end.min(ready_end);
+                    let (a, b) = ((at - self.cells_from) as usize, (to - self.cells_from) as usize);
+                    cells.extend_from_slice(&self.cells[a..b]);
+                    at = to;
+                }
+            }
         }
+        self.record += n;
+        *left -= n;
+        Ok(n)
     }
-    Ok(())
+}
+
+impl ChunkRecords<'_> {
+    /// The next label: its id and the number of its records, of which several may be of one cell.
+    pub(crate) fn next_label(&mut self) -> Result<Option<(u64, u64)>> {
+        for cursor in &mut self.cursors {
+            if !cursor.begun || cursor.next.is_some_and(|(_, left)| left == 0) {
+                cursor.advance(self.scratch)?;
+            }
+        }
+        let Some(id) = self.cursors.iter().filter_map(|c| c.next).map(|(id, _)| id).min() else {
+            return Ok(None);
+        };
+        let of_id = self.cursors.iter().filter_map(|c| c.next).filter(|&(other, _)| other == id);
+        Ok(Some((id, of_id.map(|(_, left)| left).sum())))
+    }
+
+    /// Appends up to `most` records of the label that [`ChunkRecords::next_label`] gave last. They come by rising key within a part; returns
+    /// how many parts they are of.
+    pub(crate) fn read(&mut self, id: u64, most: u64, cells: &mut Vec<Cell>) -> Result<usize> {
+        let (mut left, mut parts) = (most, 0);
+        for cursor in &mut self.cursors {
+            if left > 0 && cursor.next.is_some_and(|(other, n)| other == id && n > 0) {
+                left -= cursor.read(left, cells, self.scratch)?;
+                parts += 1;
+            }
+        }
+        Ok(parts)
+    }
 }
 
 #[cfg(test)]
 mod tests {
     use super::*;
+    use crate::cell::sort_and_or;
     use crate::{LabelBlock, LabelBuffer};
 
+    /// Slices of a volume that lies in two chunks.
     fn parts() -> Vec<SortedCells> {
         (0..40u32)
             .map(|z| {
                 let labels = (0..256u32).map(|i| ((i + z) % 7) as u8).collect();
-                let block = LabelBlock::x_fastest([0, 0, z], [16, 16, 1], LabelBuffer::U8(labels));
-                SortedCells::from_block(&block, [16, 16, 40]).unwrap()
+                let block = LabelBlock::x_fastest([1016, 0, z], [16, 16, 1], LabelBuffer::U8(labels));
+                SortedCells::from_block(&block, [1032, 16, 40]).unwrap()
             })
             .collect()
     }
 
-    fn gathered(store: PartStore) -> (bool, Vec<(u64, Vec<Cell>)>) {
-        let stored = store.into_parts();
-        let runs = stored.runs().unwrap();
+    fn gathered(store: PartStore) -> (bool, Vec<(u64, u64, Vec<Cell>)>) {
+        let mut stored = store.into_parts().unwrap();
+        assert_eq!((stored.chunks.len(), &stored.ids[..]), (2, &[1, 2, 3, 4, 5, 6][..]));
         let mut all = Vec::new();
-        for same in runs.chunk_by(|a, b| a.id == b.id) {
-            let mut cells = Vec::new();
-            stored.gather(same, &mut cells).unwrap();
-            all.push((same[0].id, cells));
+        while let Some((chunk, mut records)) = stored.take_chunk(1 << 13) {
+            while let Some((id, count)) = records.next_label().unwrap() {
+                let mut cells = Vec::new();
+                while (cells.len() as u64) < count {
+                    records.read(id, 37, &mut cells).unwrap();
+                }
+                sort_and_or(&mut cells).unwrap();
+                all.push((chunk, id, cells));
+            }
         }
-        (stored.spill.is_some(), all)
+        (stored.scratch.is_used(), all)
     }
 
     #[test]
-    fn spilled_parts_gather_like_those_in_memory() {
+    fn parts_in_the_file_gather_like_those_in_memory() {
         let whole = SortedCells::merge(&parts()).unwrap();
-        let expected: Vec<_> =
-            whole.ids().iter().enumerate().map(|(i, &id)| (id, whole.cells_of(i).to_vec())).collect();
-        for (limit, spills) in [(None, false), (Some(0), true), (Some(6000), true), (Some(1 << 30), false)] {
-            let store = PartStore::new(limit, std::env::temp_dir());
+        let mut expected = Vec::new();
+        for chunk in [0, 1] {
+            for (i, &id) in whole.ids().iter().enumerate() {
+                let cells = whole.cells_of(i).iter().copied().filter(|c| c.key / CHUNK_CELLS == chunk);
+                expected.push((chunk, id, cells.collect::<Vec<_>>()));
+            }
+        }
+        for (limit, spills) in [(u64::MAX, false), (250, true), (6000, true), (1 << 28, false)] {
+            let store = PartStore::new(limit, None, &std::env::temp_dir());
             for part in parts() {
                 store.add(part, true).unwrap();
             }
@@ -263,9 +444,10 @@ mod tests {
     }
 
     #[test]
-    fn a_folder_that_is_not_there_is_an_error() {
-        let store = PartStore::new(Some(0), "/nowhere/at/all".into());
-        let error = store.add(parts().remove(0), false).unwrap_err();
-        assert!(error.to_string().contains("/nowhere/at/all"), "{error}");
+    fn a_table_of_labels_beyond_the_limit_is_refused_with_what_it_needs() {
+        let store = PartStore::new(50, Some(200), &std::env::temp_dir());
+        parts().into_iter().try_for_each(|part| store.add(part, false)).unwrap();
+        let error = store.into_parts().err().unwrap().to_string();
+        assert!(error.contains("table of 6 labels: 240 is more than the limit of 200"), "{error}");
     }
 }

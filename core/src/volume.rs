@@ -1,9 +1,12 @@
-//! The compressed volume: chunks of boxes over one shared sparse voxel DAG.
+//! The compressed volume: chunks of boxes, each over a sparse voxel DAG of its own.
 //!
 //! ```text
-//! chunk (1024³ voxels of space) ──► its boxes, sorted by (label, Morton order of the corner) ──► node ──► leaves
+//! chunk (1024³ voxels of space) ──► its boxes, sorted by (label, Morton order of the corner) ──► its nodes ──► its leaves
 //!                               └─► its label runs: (label, first box), sorted by label
 //! ```
+//! A chunk stands alone: no box reaches beyond its faces, and its boxes refer to nodes and leaves of its own. So the bytes of a chunk depend
+//! on its voxels alone, and it can be compressed, read and dropped by itself.
+//!
 //! A voxel belongs to at most one box. Boxes of one label never overlap; boxes of different labels may (paper §3.1).
 
 use std::sync::OnceLock;
@@ -29,7 +32,8 @@ pub struct Chunk {
     pub first_box: u64,
     /// Index of its first run in [`CompressedVolume::runs`].
     pub first_run: u64,
-    /// Word in [`CompressedVolume::nodes`] from which the chunk's boxes count the offsets of their nodes.
+    /// Its first word in [`CompressedVolume::nodes`], from which its boxes count the offsets of their nodes. Its nodes end where those of
+    /// the next chunk begin.
     pub node_base: u64,
 }
 
@@ -52,6 +56,8 @@ pub struct BoxPlace {
     pub extent: [u32; 3],
     /// First word of its node.
     node: u64,
+    /// Index of its chunk.
+    chunk: u32,
 }
 
 /// A box with its contents, unpacked.
@@ -73,7 +79,8 @@ pub struct CompressedVolume {
     pub(crate) runs: Vec<LabelRun>,
     pub(crate) boxes: Elements<BoxRecord>,
     pub(crate) nodes: Elements<u16>,
-    pub(crate) leaves: Leaves,
+    /// The leaves of each chunk.
+    pub(crate) leaves: Vec<Leaves>,
     pub(crate) labels: LabelTable,
     pub(crate) grid: OnceLock<BoxGrid>,
     /// Content hash, once it was computed or read from the file.
@@ -91,7 +98,7 @@ impl CompressedVolume {
             runs: Vec::new(),
             boxes: Elements::default(),
             nodes: Elements::default(),
-            leaves: Leaves::default(),
+            leaves: Vec::new(),
             labels: LabelTable::default(),
             grid: OnceLock::new(),
             hash: OnceLock::new(),
@@ -123,7 +130,7 @@ impl CompressedVolume {
         let mut parts = vec![
             ("boxes", of(&self.boxes) + bytes(&self.runs) + bytes(&self.chunks)),
             ("nodes", of(&self.nodes)),
-            ("leaves", self.leaves.bytes()),
+            ("leaves", bytes(&self.leaves) + self.leaves.iter().map(Leaves::bytes).sum::<u64>()),
             ("labels", self.labels.bytes() + notes as u64),
         ];
         if let Some(grid) = self.grid.get() {
@@ -168,8 +175,8 @@ impl CompressedVolume {
         &self.nodes
     }
 
-    /// The patterns, slices and rare fields to which nodes refer.
-    pub fn leaves(&self) -> &Leaves {
+    /// The patterns, slices and rare fields to which the nodes of each chunk refer; by the index of the chunk.
+    pub fn leaves(&self) -> &[Leaves] {
         &self.leaves
     }
 
@@ -190,10 +197,28 @@ impl CompressedVolume {
                 let start = chunk.first_box + u64::from(run.first_box);
                 let end = runs.get(r + 1).map_or(last_box, |n| chunk.first_box + u64::from(n.first_box));
                 for record in &self.boxes[start as usize..end as usize] {
-                    visit(run.label, self.box_at(&place_of(chunk, *record)));
+                    visit(run.label, self.box_at(&place_of(c, chunk, *record)));
                 }
             }
         }
+    }
+
+    /// Range of a chunk's words in [`CompressedVolume::nodes`].
+    pub(crate) fn node_range(&self, chunk: usize) -> std::ops::Range<usize> {
+        let end = self.chunks.get(chunk + 1).map_or(self.nodes.len() as u64, |next| next.node_base);
+        self.chunks[chunk].node_base as usize..end as usize
+    }
+
+    /// Range of a chunk's boxes in [`CompressedVolume::boxes`].
+    pub(crate) fn box_range(&self, chunk: usize) -> std::ops::Range<usize> {
+        let end = self.chunks.get(chunk + 1).map_or(self.boxes.len() as u64, |next| next.first_box);
+        self.chunks[chunk].first_box as usize..end as usize
+    }
+
+    /// Range of a chunk's runs in [`CompressedVolume::runs`].
+    pub(crate) fn run_range(&self, chunk: usize) -> std::ops::Range<usize> {
+        let end = self.chunks.get(chunk + 1).map_or(self.runs.len() as u64, |next| next.first_run);
+        self.chunks[chunk].first_run as usize..end as usize
     }
 
     /// Index of the chunk that holds box `index`.
@@ -217,7 +242,8 @@ impl CompressedVolume {
     /// When `index` is out of range.
     #[inline(always)]
     pub fn place_of_box(&self, index: usize) -> BoxPlace {
-        place_of(&self.chunks[self.chunk_of_box(index)], self.boxes[index])
+        let chunk = self.chunk_of_box(index);
+        place_of(chunk, &self.chunks[chunk], self.boxes[index])
     }
 
     /// The box at a position that [`CompressedVolume::place_of_box`] of this volume returned.
@@ -226,7 +252,7 @@ impl CompressedVolume {
         BoxView {
             origin: place.origin,
             extent: place.extent,
-            node: NodeRef::read(&self.nodes, place.node as usize, &self.leaves),
+            node: NodeRef::read(&self.nodes, place.node as usize, &self.leaves[place.chunk as usize]),
         }
     }
 
@@ -245,11 +271,12 @@ impl CompressedVolume {
 }
 
 #[inline(always)]
-fn place_of(chunk: &Chunk, record: BoxRecord) -> BoxPlace {
+fn place_of(index: usize, chunk: &Chunk, record: BoxRecord) -> BoxPlace {
     let cell = record.cell();
     BoxPlace {
         origin: [0, 1, 2].map(|a| chunk.origin[a] + 4 * cell[a]),
         extent: record.extent().map(|e| 4 * e),
         node: chunk.node_base + u64::from(record.node()),
+        chunk: index as u32,
     }
 }

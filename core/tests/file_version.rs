@@ -9,7 +9,7 @@ use pumice_core::{
 
 const LEVELS: [CompressionLevel; 3] =
     [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small];
-const VERSION: u32 = 5;
+const VERSION: u32 = 6;
 
 /// Saves a small volume as a file of each level.
 fn files(folder: &Path) -> Vec<PathBuf> {
@@ -55,8 +55,8 @@ fn other_versions_are_refused_in_one_line() {
         for (version, way_out) in [
             (0, "an older pumice wrote it: compress the source volume again"),
             (1, "an older pumice wrote it: compress the source volume again"),
-            (4, "an older pumice wrote it: compress the source volume again"),
-            (6, "a newer pumice wrote it: open it with that one, or compress the source volume again"),
+            (5, "an older pumice wrote it: compress the source volume again"),
+            (7, "a newer pumice wrote it: open it with that one, or compress the source volume again"),
             (u32::MAX, "a newer pumice wrote it: open it with that one, or compress the source volume again"),
         ] {
             set_number(&path, 8, version);
@@ -64,7 +64,7 @@ fn other_versions_are_refused_in_one_line() {
                 let error = opened.unwrap_err();
                 assert!(matches!(&error, Error::Version { got, .. } if *got == version), "{error:?}");
                 let expected = format!(
-                    "{}: file version at byte 8: expected 5, got {version}; {way_out}",
+                    "{}: file version at byte 8: expected 6, got {version}; {way_out}",
                     path.display()
                 );
                 assert_eq!(error.to_string(), expected);

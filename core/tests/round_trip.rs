@@ -190,7 +190,7 @@ fn state(v: &CompressedVolume) -> impl PartialEq + std::fmt::Debug {
         v.runs().iter().map(|r| (r.label, r.first_box)).collect::<Vec<_>>(),
         v.boxes().to_vec(),
         v.nodes().to_vec(),
-        v.leaves().clone(),
+        v.leaves().to_vec(),
         v.labels().clone(),
     )
 }
@@ -322,6 +322,7 @@ fn boxes_keep_the_laws_of_snap4() {
                 assert_eq!(b.origin[a] % 4, 0);
                 assert!(matches!(b.extent[a], 4 | 8 | 12 | 16));
                 assert!(b.origin[a] + b.extent[a] < volume.dims[a] + 4);
+                assert_eq!(b.origin[a] / CHUNK_VOXELS, (b.origin[a] + b.extent[a] - 1) / CHUNK_VOXELS);
             }
             // Tight: the first and the last layer of cells along each axis have a voxel; nothing lies outside.
             let cells: Vec<[u32; 3]> =
@@ -341,6 +342,33 @@ fn boxes_keep_the_laws_of_snap4() {
             }
         }
     }
+}
+
+/// A chunk's boxes, nodes and leaves are those of a volume that has the chunk's voxels alone.
+#[test]
+fn a_chunk_stands_alone() {
+    let mut chunks = 0;
+    for volume in all().into_iter().filter(|v| v.dims.iter().any(|&d| d > CHUNK_VOXELS)) {
+        let compressed = volume.compress();
+        for (c, chunk) in compressed.chunks().iter().enumerate() {
+            let dims = [0, 1, 2].map(|a| (volume.dims[a] - chunk.origin[a]).min(CHUNK_VOXELS));
+            let at = |p: [u32; 3]| volume.at([0, 1, 2].map(|a| chunk.origin[a] + p[a]));
+            let alone = Volume::new("chunk", dims, at).compress();
+            let next = compressed.chunks().get(c + 1);
+            let last_box = next.map_or(compressed.boxes().len(), |n| n.first_box as usize);
+            let last_word = next.map_or(compressed.nodes().len(), |n| n.node_base as usize);
+            assert_eq!(
+                alone.boxes(),
+                &compressed.boxes()[chunk.first_box as usize..last_box],
+                "{}",
+                volume.name
+            );
+            assert_eq!(alone.nodes(), &compressed.nodes()[chunk.node_base as usize..last_word]);
+            assert_eq!(alone.leaves(), &compressed.leaves()[c..=c]);
+            chunks += 1;
+        }
+    }
+    assert!(chunks > 10, "{chunks}");
 }
 
 #[test]

@@ -403,7 +403,8 @@ def compress(
     For arrays: `spacing` (three lengths) or `world_from_index` (4 × 4, voxel corners to world), `unit` (nm, um, mm, m), `names` by id.
     `types`: type by id, or the path of a CSV table id,type. `table`: names, types, colours and numbers by id, as an `AnnotationTable` or a
     file that `read_label_table` reads; what it says replaces what the source has, and a `PumiceWarning` tells what does not fit.
-    `memory_limit` is in bytes; `threads` of 0 uses all cores.
+    `memory_limit` is in bytes and includes the result: one below twice its size is refused with a number that suffices. `threads` of 0 uses all
+    cores.
     """
     if types is not None and table is not None:
         raise InputError("give types or table, not both")

@@ -3,7 +3,8 @@
 use std::path::{Path, PathBuf};
 
 use pumice_core::{
-    CompressOptions, CompressedVolume, CompressionLevel, Job, Outputs, TypeTable, Verification, read_input,
+    CompressOptions, CompressedVolume, CompressionLevel, Job, Outputs, TypeTable, Verification,
+    compress_to_file, read_input,
 };
 use pumice_formats::OpenOptions;
 use serde::Serialize;
@@ -25,7 +26,7 @@ pub struct CompressRequest {
     pub level: CompressionLevel,
     /// Threads; `None` takes all cores.
     pub threads: Option<usize>,
-    /// Bytes of records kept in memory; further records go to a temporary file.
+    /// Bytes of memory to work with; what does not fit goes to temporary files.
     pub memory_limit_bytes: Option<u64>,
     /// CSV table with the columns id,type: the type of each label.
     pub types: Option<PathBuf>,
@@ -78,7 +79,28 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         types,
         ..CompressOptions::default()
     };
-    let mut volume = pumice_core::compress(source.as_mut(), &options, job).map_err(|e| match e {
+    let (mut fit, mut failure) = (None, None);
+    let mut table = table;
+    let mut describe = |volume: &mut CompressedVolume| {
+        let Some((table, notes)) = table.take() else { return Ok(()) };
+        match annotate(volume, &table, notes) {
+            Ok(of_table) => {
+                fit = Some(of_table);
+                Ok(())
+            }
+            Err(error) => {
+                // The error itself is returned below.
+                failure = Some(error);
+                Err(pumice_core::Error::Cancelled)
+            }
+        }
+    };
+    let written =
+        compress_to_file(source.as_mut(), &request.output, request.level, &options, &mut describe, job);
+    if let Some(error) = failure {
+        return Err(error);
+    }
+    let written = written.map_err(|e| match e {
         pumice_core::Error::Limit { what, limit, got } if Some(limit) == request.memory_limit_bytes => {
             let (input, what) = (request.input.display(), what.replacen(" of memory", "", 1));
             SessionError::Caller(format!(
@@ -87,20 +109,17 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         }
         other => other.into(),
     })?;
-    let table = table.map(|(table, notes)| annotate(&mut volume, &table, notes)).transpose()?;
-    volume.save(&request.output, request.level, job)?;
-    let bytes_disk = std::fs::metadata(&request.output).map_err(io(&request.output))?.len();
     Ok(CompressOutcome {
         seconds: clock.seconds(),
         cpu_seconds: clock.cpu_seconds(),
-        dims: volume.info().dims,
-        labels: volume.labels().len() as u64,
-        boxes: volume.boxes().len() as u64,
-        bytes_raw: volume.info().voxels().saturating_mul(4),
-        bytes_disk,
-        bytes_volume: volume.resident_parts().iter().map(|p| p.1).sum(),
+        dims: written.dims,
+        labels: written.labels,
+        boxes: written.boxes,
+        bytes_raw: written.dims.iter().fold(4, |bytes: u64, &d| bytes.saturating_mul(d.into())),
+        bytes_disk: written.bytes_disk,
+        bytes_volume: written.bytes_volume,
         warnings: request.reading.warnings.list(),
-        table,
+        table: fit,
     })
 }
 

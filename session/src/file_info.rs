@@ -230,7 +230,7 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
         types: labels.type_names().len() as u64,
         touching_pairs: labels.contacts().len(),
         boxes: volume.boxes().len() as u64,
-        leaf_patterns: volume.leaves().patterns().len() as u64,
+        leaf_patterns: volume.leaves().iter().map(|leaves| leaves.patterns().len() as u64).sum(),
         content_hash: hash_text(&volume),
         bytes_raw: info.voxels().saturating_mul(4),
         bytes_disk,

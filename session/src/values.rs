@@ -38,16 +38,17 @@ pub fn whole_from_1(text: &str) -> Result<u32, String> {
         .ok_or_else(|| format!("expected a whole number from 1 to {}, got {text}", u32::MAX))
 }
 
-/// Parses an amount of bytes: `268435456`, or `256M`, with K, M and G for 2¹⁰, 2²⁰ and 2³⁰.
+/// Parses an amount of bytes: `268435456`, `256M` or `256MiB`, with K, M and G for 2¹⁰, 2²⁰ and 2³⁰.
 ///
 /// # Errors
 /// The expected form, if `text` has another.
 pub fn bytes(text: &str) -> Result<u64, String> {
-    let (number, shift) = match text.chars().last() {
-        Some('K' | 'k') => (&text[..text.len() - 1], 10),
-        Some('M' | 'm') => (&text[..text.len() - 1], 20),
-        Some('G' | 'g') => (&text[..text.len() - 1], 30),
-        _ => (text, 0),
+    let number = text.strip_suffix("iB").filter(|rest| rest.ends_with(['K', 'M', 'G'])).unwrap_or(text);
+    let (number, shift) = match number.chars().last() {
+        Some('K' | 'k') => (&number[..number.len() - 1], 10),
+        Some('M' | 'm') => (&number[..number.len() - 1], 20),
+        Some('G' | 'g') => (&number[..number.len() - 1], 30),
+        _ => (number, 0),
     };
     number
         .parse::<u64>()
@@ -67,10 +68,14 @@ mod tests {
         assert!(label_type("u17").is_err() && label_type("").is_err());
         assert_eq!(size("960x540"), Ok([960, 540]));
         assert_eq!(bytes("256M"), Ok(256 << 20));
+        assert_eq!(
+            (bytes("3KiB"), bytes("256MiB"), bytes("1GiB")),
+            (Ok(3 << 10), Ok(256 << 20), Ok(1 << 30))
+        );
         for bad in ["0x5", "960", "-1x3", "960x540x2", "99999999x1"] {
             assert!(size(bad).is_err(), "{bad}");
         }
-        for bad in ["", "0", "-5", "18446744073709551615G", "M"] {
+        for bad in ["", "0", "-5", "18446744073709551615G", "M", "MiB", "5iB", "5B", "5MB"] {
             assert!(bytes(bad).is_err(), "{bad}");
         }
     }

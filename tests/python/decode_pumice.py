@@ -15,21 +15,21 @@ import decode_voxels
 
 SIGNATURE = b"\x89PUMICE\n"
 # File version, and the two values of `contents`.
-VERSION, BOXES, VOXELS = 5, 0, 1
+VERSION, BOXES, VOXELS = 6, 0, 1
 
 
 def read_sections(data):
-    """Decoded sections by name (sections 2 and 3 of docs/file-format.md)."""
+    """Decoded sections of the volume by name, and those of each chunk (sections 2 and 3 of docs/file-format.md)."""
     assert data[:8] == SIGNATURE, "not a .pumice file"
     version, contents, length, table, count, frames = struct.unpack_from("<IIQQII", data, 8)
     assert version == VERSION, f"file version: expected {VERSION}, got {version}"
     assert contents in (BOXES, VOXELS) and (length, table, frames) == (len(data), 64, 1)
-    sections = {}
+    sections, of_chunk = {}, {}
     for i in range(count):
-        name, compression, width, filters, zero, offset, stored, decoded, _, _ = struct.unpack_from(
-            "<4sBBBBQQQQQ", data, table + 48 * i
+        name, compression, width, filters, zero, offset, stored, decoded, _, chunk, zero_2 = struct.unpack_from(
+            "<4sBBBBQQQQII", data, table + 48 * i
         )
-        assert offset % 8 == 0 and zero == 0
+        assert offset % 8 == 0 and zero == 0 and zero_2 == 0
         raw = data[offset : offset + stored]
         if compression == 1:
             import zstandard
@@ -45,8 +45,10 @@ def read_sections(data):
             wide[:, :width] = elements
             sums = np.cumsum(wide.view("<u8").ravel(), dtype=np.uint64)
             elements = sums.astype("<u8").view(np.uint8).reshape(-1, 8)[:, :width]
-        sections[name.decode()] = elements.tobytes()
-    return sections
+        place = of_chunk.setdefault(chunk - 1, {}) if chunk else sections
+        assert name.decode() not in place, f"{name} of {chunk} twice"
+        place[name.decode()] = elements.tobytes()
+    return sections, [of_chunk[i] for i in range(len(of_chunk))]
 
 
 def bits(number_of_bits, data):
@@ -116,7 +118,7 @@ def boxes_nodes(s):
 
 
 def packed_nodes(s):
-    """(fields of all nodes, index of the node of each box) in the packed form."""
+    """(fields of a chunk's nodes, index of the node of each box) in the packed form."""
     occupied = mask_bits(np.frombuffer(s["OCCU"], "<u8"))
     classes = bits(2 * occupied.sum(), s["CLAS"]).reshape(-1, 2)
     low, high = np.zeros_like(occupied), np.zeros_like(occupied)
@@ -125,9 +127,8 @@ def packed_nodes(s):
     return class_fields(occupied, low, high, ranked, s["SLCR"], s["FLDS"], tables(s)), boxes_nodes(s)
 
 
-def plain_nodes(s):
-    """(fields of all nodes, {offset in words: index of the node that starts there}) in the plain form."""
-    words = np.frombuffer(s["NODE"], "<u2")
+def plain_nodes(words, s):
+    """(fields of a chunk's nodes, {offset in words: index of the node that starts there}) in the plain form."""
     long_words = 3 if len(s["SLIC"]) > 512 else 4
     rows, number_at, at, all_tables = [], {}, 0, tables(s)
     while at < len(words):
@@ -152,66 +153,67 @@ def plain_nodes(s):
     return np.array(rows, np.uint64).reshape(-1, 64), number_at
 
 
-def decode_pieces(s):
+def decode_pieces(s, of_chunk):
     """`decode` for a file of voxels."""
     info = json.loads(s["INFO"])
     dims = info["volume"]["dims"]
+    assert len(s["PIEC"]) == 16 * len(of_chunk)
     ids = np.concatenate([np.zeros(1, np.uint64), np.frombuffer(s["LIDS"], "<u8")])
-    out, at = np.zeros(dims, np.uint64), 0
-    for *origin, zero, length in struct.iter_unpack("<3IIQ", s["PIEC"]):
+    out = np.zeros(dims, np.uint64)
+    for (*origin, zero), chunk in zip(struct.iter_unpack("<3II", s["PIEC"]), of_chunk):
         w, h, d = (min(1024, n - o) for n, o in zip(dims, origin))
-        dense = decode_voxels.piece(s["VOXL"][at : at + length], w, h, d, len(ids) - 1)
+        dense = decode_voxels.piece(chunk["VOXL"], w, h, d, len(ids) - 1)
         out[tuple(slice(o, o + n) for o, n in zip(origin, (w, h, d)))] = ids[dense].transpose(2, 1, 0)
         assert zero == 0 and dense.any(), "a piece without labels"
-        at += length
-    assert at == len(s["VOXL"])
     return out, info
 
 
 def decode(data):
     """(ids as uint64 indexed [x, y, z], INFO) from all bytes of a file."""
-    s = read_sections(data)
+    s, of_chunk = read_sections(data)
     if struct.unpack_from("<I", data, 12)[0] == VOXELS:
-        return decode_pieces(s)
+        return decode_pieces(s, of_chunk)
     info = json.loads(s["INFO"])
     ids = np.frombuffer(s["LIDS"], "<u8")
     chunks = np.frombuffer(s["CHNK"], [("origin", "<u4", 3), ("zero", "<u4"), ("starts", "<u8", 3)])
-    runs = np.frombuffer(s["RUNS"], "<u4").reshape(-1, 2).astype(np.int64)
+    assert len(chunks) == len(of_chunk)
     plain = "NODE" in s
-    if plain:
-        records = np.frombuffer(s["BOXS"], "<u8")
-        cell = np.stack([(records >> np.uint64(40 + 8 * a)) & np.uint64(255) for a in range(3)], axis=1)
-        fields, number_at = plain_nodes(s)
-        count = len(records)
-    else:
-        code = np.frombuffer(s["BCEL"], np.uint8).reshape(-1, 3).astype(np.int64) @ [1, 256, 65536]
-        cell = demorton(code)
-        fields, number = packed_nodes(s)
-        count = len(code)
+    # Where the boxes, runs and node words of each chunk end.
+    ends = [[int(v) for v in chunk["starts"]] for chunk in chunks[1:]] + [[None, None, None]]
 
     # Larger than the volume, since boxes may reach past its end by up to 3 voxels; cut off afterwards.
     dims = info["volume"]["dims"]
     out = np.zeros([d + 16 for d in dims], np.uint64)
     voxels = np.zeros(len(ids), np.uint64)
-    for i, chunk in enumerate(chunks):
-        first_box, first_run, base = (int(v) for v in chunk["starts"])
-        last = i + 1 == len(chunks)
-        end_box, end_run = (count, len(runs)) if last else (int(v) for v in chunks[i + 1]["starts"][:2])
-        for r in range(first_run, end_run):
-            start = first_box + runs[r, 1]
-            end = end_box if r + 1 == end_run else first_box + runs[r + 1, 1]
-            label = runs[r, 0]
-            for b in range(start, end):
-                n = number_at[base + int(records[b]) % 2**32] if plain else number[b]
+    runs_before = 0
+    for chunk, c, (end_box, _, end_word) in zip(chunks, of_chunk, ends):
+        first_box, first_run, first_word = (int(v) for v in chunk["starts"])
+        runs = np.frombuffer(c["RUNS"], "<u4").reshape(-1, 2).astype(np.int64)
+        assert first_run == runs_before
+        runs_before += len(runs)
+        if plain:
+            records = np.frombuffer(s["BOXS"], "<u8")[first_box:end_box]
+            cell = np.stack([(records >> np.uint64(40 + 8 * a)) & np.uint64(255) for a in range(3)], axis=1)
+            fields, number_at = plain_nodes(np.frombuffer(s["NODE"], "<u2")[first_word:end_word], c)
+            number = [number_at[int(r) % 2**32] for r in records]
+        else:
+            code = np.frombuffer(c["BCEL"], np.uint8).reshape(-1, 3).astype(np.int64) @ [1, 256, 65536]
+            cell = demorton(code)
+            fields, number = packed_nodes(c)
+        for r, (label, start) in enumerate(runs):
+            for b in range(start, runs[r + 1, 1] if r + 1 < len(runs) else len(number)):
                 x, y, z = (int(v) for v in chunk["origin"] + 4 * cell[b])
                 # The axes of a node's bits, slowest first, are cell z, y, x, then voxel z, y, x.
-                filled = mask_bits(fields[n]).reshape(4, 4, 4, 4, 4, 4).transpose(2, 5, 1, 4, 0, 3)
+                filled = mask_bits(fields[number[b]]).reshape(4, 4, 4, 4, 4, 4).transpose(2, 5, 1, 4, 0, 3)
                 filled = filled.reshape(16, 16, 16)
                 region = out[x : x + 16, y : y + 16, z : z + 16]
                 filled = filled[tuple(slice(0, e) for e in region.shape)]
                 assert not region[filled].any(), "a voxel in two boxes"
                 region[filled] = ids[label]
                 voxels[label] += np.uint64(filled.sum())
+                highest = [int(v.max()) for v in np.nonzero(filled)]
+                corner = [v + h - o for v, h, o in zip((x, y, z), highest, chunk["origin"])]
+                assert max(corner) < 1024, "a box beyond its chunk"
     inside = tuple(slice(0, d) for d in dims)
     assert np.count_nonzero(out) == np.count_nonzero(out[inside]), "a voxel outside of the volume"
     assert (voxels == np.frombuffer(s["LVOX"], "<u8")).all(), "LVOX"
@@ -220,7 +222,7 @@ def decode(data):
 
 def contacts(data):
     """Pairs of dense indices (a, b), a < b, of labels that touch."""
-    s = read_sections(data)
+    s, _ = read_sections(data)
     stream = iter(s["LCON"])
 
     def varint():

@@ -162,7 +162,7 @@ def test_pumice_files_of_other_versions_are_refused(pumice, good_pumice, good, t
     for version, way_out in [
         (1, "compress the source volume again"),
         (4, "compress the source volume again"),
-        (6, "a newer pumice wrote it"),
+        (7, "a newer pumice wrote it"),
     ]:
         file.write_bytes(whole[:8] + version.to_bytes(4, "little") + whole[12:])
         for command in [
@@ -172,7 +172,7 @@ def test_pumice_files_of_other_versions_are_refused(pumice, good_pumice, good, t
             ("render", file, "-o", tmp_path / "p.png", "--spp", 1, "--size", "8x8"),
         ]:
             line = run(pumice, *command).refused()
-            expected = f"other.pumice: file version at byte 8: expected 5, got {version}; "
+            expected = f"other.pumice: file version at byte 8: expected 6, got {version}; "
             assert expected in line and way_out in line, line
         assert left_in(tmp_path) == ["other.pumice"]
     # Control: with the right version the same file is accepted.

@@ -115,11 +115,11 @@ def test_the_file_has_the_numbers_where_its_page_says(pumice, volume, annotated,
     """Read by the independent decoder. A volume without a table has the same bytes as before there were tables: no section LCOL."""
     table, out = volume.with_name("in.csv"), tmp_path / "o.pumice"
     run(pumice, "compress", volume, "-o", out, "--table", table, "--level", level).fine()
-    sections = read_sections(out.read_bytes())
+    sections, _ = read_sections(out.read_bytes())
     assert json.loads(sections["INFO"])["columns"] == ["depth"]
     np.testing.assert_array_equal(np.frombuffer(sections["LCOL"], "<f8"), [DEPTHS.get(label, np.nan) for label in IDS])
     run(pumice, "compress", volume, "-o", out, "--level", level).fine()
-    sections = read_sections(out.read_bytes())
+    sections, _ = read_sections(out.read_bytes())
     assert "LCOL" not in sections and "columns" not in json.loads(sections["INFO"])
 
 

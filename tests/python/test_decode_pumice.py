@@ -42,16 +42,31 @@ def test_every_voxel_is_the_same(samples):
 
 def test_other_versions_are_refused(samples):
     data = bytearray(samples[0].read_bytes())
-    for version in (0, 3, 4, 6):
+    for version in (0, 4, 5, 7):
         data[8:12] = struct.pack("<I", version)
-        with pytest.raises(AssertionError, match=f"file version: expected 5, got {version}"):
+        with pytest.raises(AssertionError, match=f"file version: expected 6, got {version}"):
             decode_pumice.decode(bytes(data))
 
 
 def test_all_kinds_of_leaves_are_there(samples):
-    sections = [decode_pumice.read_sections(f.read_bytes()) for f in samples if ".small." not in f.name]
+    files = [f for f in samples if ".small." not in f.name]
+    sections = [chunk for f in files for chunk in decode_pumice.read_sections(f.read_bytes())[1]]
     assert any(len(s["RARE"]) for s in sections) and any(len(s["LEAF"]) for s in sections)
     assert any(len(s["SLIC"]) > 512 for s in sections) and any(0 < len(s["SLIC"]) <= 512 for s in sections)
+
+
+def test_a_chunk_is_decoded_without_the_others(samples):
+    """The sections of one chunk of a packed file give its boxes; those of the other chunks are not there."""
+    faces = next(f for f in samples if f.name == "faces.default.pumice")
+    head, of_chunk = decode_pumice.read_sections(faces.read_bytes())
+    assert len(of_chunk) == 2 and len({chunk["LEAF"] for chunk in of_chunk}) == 2
+    ids, expected = np.frombuffer(head["LIDS"], "<u8"), expected_ids(faces)
+    fields, number = decode_pumice.packed_nodes(of_chunk[1])
+    labels = np.frombuffer(of_chunk[1]["RUNS"], "<u4").reshape(-1, 2)
+    starts = [int(first) for _, first in labels] + [len(number)]
+    for (label, _), first, end in zip(labels, starts, starts[1:]):
+        voxels = sum(int(decode_pumice.mask_bits(fields[n]).sum()) for n in number[first:end])
+        assert voxels == np.count_nonzero(expected[1024:] == ids[label])
 
 
 def test_contacts_are_the_same(samples):

@@ -231,6 +231,7 @@ struct Material {
 
 struct Chunk {
     uint64_t node_base;
+    uint64_t leaves;
     uint origin[3];
     uint first_box;
 };

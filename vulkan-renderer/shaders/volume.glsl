@@ -31,6 +31,8 @@ struct BoxPlace {
     uvec3 origin;
     uvec3 extent;
     uint64_t node_word;
+    // Leaves of its chunk.
+    Address leaves;
     uint level;
 };
 
@@ -44,12 +46,13 @@ BoxPlace box_place(InstanceRef instance, uint index) {
         + 4u * uvec3((high >> 8) & 255u, (high >> 16) & 255u, high >> 24);
     p.extent = 4u * (uvec3(high & 3u, (high >> 2) & 3u, (high >> 4) & 3u) + 1u);
     p.node_word = chunks.at[c].node_base + uint64_t(uint(record));
+    p.leaves = instance.it.leaves + chunks.at[c].leaves;
     p.level = lod_level(instance, p.origin, p.extent);
     return p;
 }
 
 BoxView box_view(InstanceRef instance, BoxPlace p) {
-    return BoxView(p.origin, p.extent, node_read(instance.it.nodes, p.node_word, instance.it.leaves), p.level);
+    return BoxView(p.origin, p.extent, node_read(instance.it.nodes, p.node_word, p.leaves), p.level);
 }
 
 BoxView get_box(InstanceRef instance, uint index) {

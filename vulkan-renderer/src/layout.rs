@@ -382,6 +382,8 @@ pub struct Material {
 pub struct Chunk {
     /// Word of the packed nodes from which the node numbers of its boxes count.
     pub node_base: u64,
+    /// Byte offset of the leaves of its nodes among the instance's leaves.
+    pub leaves: u64,
     /// Lowest voxel.
     pub origin: [u32; 3],
     /// Its first box among the drawn boxes.

@@ -67,7 +67,8 @@ impl Nodes {
         let packed = PackedNodes::new(volume, wanted);
         let words = packed.packed(volume).map_err(RenderError::from)?;
         let nodes = gpu.buffer_of("the nodes of a volume", bytemuck::cast_slice(&words))?;
-        let leaves = gpu.buffer_of("the leaves of a volume", &PackedNodes::leaves(volume))?;
+        let leaves = PackedNodes::leaves(volume).map_err(RenderError::from)?;
+        let leaves = gpu.buffer_of("the leaves of a volume", &leaves)?;
         Ok(Self { volume: Arc::clone(volume), packed, nodes, leaves })
     }
 

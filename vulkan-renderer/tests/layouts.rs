@@ -280,7 +280,7 @@ fn twins() -> Vec<Layout> {
                 multiscatter
             }
         ),
-        twin!("Chunk", Chunk { node_base, origin, first_box }),
+        twin!("Chunk", Chunk { node_base, leaves, origin, first_box }),
         twin!("BrickBlock", BrickBlock { occupied, first_brick, reserved }),
         twin!("Brick", Brick { occupied, full, first_field, first_part }),
         twin!("BrickPart", BrickPart { cells, box_number, label }),

@@ -142,7 +142,7 @@ fn first_hits_are_those_of_a_march() {
             let at = (o + t * d).floor();
             let inside = at.min_element() >= 0.0 && at.cmplt(DVec3::new(60.0, 50.0, 40.0)).all();
             let voxel = [at.x as u32, at.y as u32, at.z as u32];
-            let label = bodies.label_at(voxel).filter(|_| inside)?;
+            let label = bodies.label_at(voxel).expect("memory").filter(|_| inside)?;
             visible[label as usize].then_some((t, label, voxel))
         })
     };

@@ -30,7 +30,10 @@ pub(crate) struct Compress {
     /// Number of threads; default: all cores. The result does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
-    /// Memory for records that are not merged yet, in bytes or with K, M, G; further records go to a temporary file
+    /// Memory to work with, in bytes or with K, M, G, KiB, MiB, GiB (powers of 1024); what does not fit goes to temporary files
+    ///
+    /// Beyond it come what the reader of the input holds and some 30 MB of the program itself. Only a table of labels that exceeds it is
+    /// refused, with the number that is needed. The folder of temporary files is that of TMPDIR. The result does not depend on the limit.
     #[arg(long, value_name = "BYTES", value_parser = bytes)]
     pub(crate) memory_limit: Option<u64>,
     /// CSV table with the columns id,type: the type of each label

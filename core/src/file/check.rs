@@ -4,12 +4,13 @@
 //! which would take as much memory as decoding. The content hash, compared afterwards, covers that for files whose writer was not faulty.
 
 use crate::annotations::{NumericColumn, check_names};
+use crate::cell::CELL;
 use crate::error::one_line;
 use crate::label_table::NO_TYPE;
 use crate::leaves::{Class, MAX_PATTERNS, MAX_SLICES, RARE};
 use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
 use crate::volume::CHUNK_CELLS;
-use crate::{BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, MAX_DIM, VolumeInfo, morton};
+use crate::{BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, Leaves, MAX_DIM, VolumeInfo, morton};
 
 /// Nothing, or the section that is wrong and what is wrong in it.
 pub(super) type Finding = Result<(), ([u8; 4], String)>;
@@ -22,12 +23,19 @@ fn ensure(holds: bool, section: &[u8; 4], what: impl FnOnce() -> String) -> Find
 pub(super) fn check_head(v: &CompressedVolume) -> Finding {
     check_info(&v.info)?;
     check_labels(v)?;
-    let (patterns, slices) = (v.leaves.patterns().len(), v.leaves.slices().len());
+    for (c, leaves) in v.leaves.iter().enumerate() {
+        check_leaves(leaves).map_err(|(section, what)| (section, format!("chunk {c}: {what}")))?;
+    }
+    Ok(())
+}
+
+fn check_leaves(leaves: &Leaves) -> Finding {
+    let (patterns, slices) = (leaves.patterns().len(), leaves.slices().len());
     ensure(patterns <= MAX_PATTERNS, b"LEAF", || {
         format!("patterns: expected at most {MAX_PATTERNS}, got {patterns}")
     })?;
     ensure(slices <= MAX_SLICES, b"SLIC", || format!("slices: expected at most {MAX_SLICES}, got {slices}"))?;
-    for (section, fields) in [(b"LEAF", v.leaves.patterns()), (b"RARE", v.leaves.rare())] {
+    for (section, fields) in [(b"LEAF", leaves.patterns()), (b"RARE", leaves.rare())] {
         for (i, &field) in fields.iter().enumerate() {
             ensure(field != 0 && field != u64::MAX, section, || {
                 format!("entry {i}: expected a mixed field, got an empty or a full one")
@@ -41,7 +49,8 @@ pub(super) fn check_head(v: &CompressedVolume) -> Finding {
 pub(super) fn check(v: &CompressedVolume) -> Finding {
     check_chunks(v)?;
     check_runs(v)?;
-    let nodes = check_nodes(v)?;
+    let mut nodes = Nodes::within(v.nodes.len());
+    (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
     check_boxes(v, &nodes)?;
     check_counts(v, &nodes)
 }
@@ -74,7 +83,7 @@ fn check_labels(v: &CompressedVolume) -> Finding {
 }
 
 fn check_chunks(v: &CompressedVolume) -> Finding {
-    let mut before: Option<(u64, u64, u64)> = None;
+    let mut before: Option<(u64, &Chunk)> = None;
     for (i, c) in v.chunks.iter().enumerate() {
         let inside = (0..3).all(|a| c.origin[a] % CHUNK_VOXELS == 0 && c.origin[a] < v.info.dims[a]);
         ensure(inside, b"CHNK", || {
@@ -82,9 +91,12 @@ fn check_chunks(v: &CompressedVolume) -> Finding {
         })?;
         let code = morton::encode(c.origin.map(|o| o / 4)) / CHUNK_CELLS;
         let rises = match before {
-            None => c.first_box == 0 && c.first_run == 0,
-            Some((code_before, first_box, first_run)) => {
-                code > code_before && c.first_box > first_box && c.first_run > first_run
+            None => c.first_box == 0 && c.first_run == 0 && c.node_base == 0,
+            Some((code_before, other)) => {
+                code > code_before
+                    && c.first_box > other.first_box
+                    && c.first_run > other.first_run
+                    && c.node_base > other.node_base
             }
         };
         ensure(rises, b"CHNK", || format!("chunk {i}: expected a start after the chunk before"))?;
@@ -92,7 +104,7 @@ fn check_chunks(v: &CompressedVolume) -> Finding {
             && c.first_run < v.runs.len() as u64
             && c.node_base < v.nodes.len() as u64;
         ensure(fits, b"CHNK", || format!("chunk {i}: got a start beyond the boxes, runs or nodes"))?;
-        before = Some((code, c.first_box, c.first_run));
+        before = Some((code, c));
     }
     ensure(!v.chunks.is_empty() || (v.boxes.is_empty() && v.runs.is_empty()), b"CHNK", || {
         "expected a chunk for the boxes, got none".into()
@@ -120,43 +132,44 @@ fn check_runs(v: &CompressedVolume) -> Finding {
     Ok(())
 }
 
-/// Walks the nodes from first to last.
-fn check_nodes(v: &CompressedVolume) -> Result<Nodes, ([u8; 4], String)> {
-    let mut nodes = Nodes::within(v.nodes.len());
-    let mut at = 0;
-    while at < v.nodes.len() {
+/// Walks the nodes of a chunk from first to last.
+fn check_nodes(v: &CompressedVolume, chunk: usize, nodes: &mut Nodes) -> Finding {
+    let (range, leaves) = (v.node_range(chunk), &v.leaves[chunk]);
+    let of_chunk = &v.nodes[..range.end];
+    let mut at = range.start;
+    while at < range.end {
         let wrong = |what: String| Err((*b"NODE", format!("node at word {at}: {what}")));
-        let got = v.nodes.len() - at;
-        let occupied = v.nodes[at..].iter().take(OCCUPIED_WORDS).map(|w| w.count_ones()).sum::<u32>();
+        let got = range.end - at;
+        let occupied = of_chunk[at..].iter().take(OCCUPIED_WORDS).map(|w| w.count_ones()).sum::<u32>();
         if got < OCCUPIED_WORDS || occupied == 0 || got < header_words(occupied) {
             return wrong(format!("expected occupied cells and their classes, got {got} words"));
         }
-        let node = NodeRef::read(&v.nodes, at, &v.leaves);
+        let node = NodeRef::read(of_chunk, at, leaves);
         if got < node.words() {
             return wrong(format!("expected {} words, got {got}", node.words()));
         }
         // Bits left over in the last word of the classes.
         let spare = 16 * (header_words(occupied) - OCCUPIED_WORDS) - 2 * occupied as usize;
-        if u32::from(v.nodes[at + header_words(occupied) - 1]).wrapping_shr(16 - spare as u32) != 0 {
+        if u32::from(of_chunk[at + header_words(occupied) - 1]).wrapping_shr(16 - spare as u32) != 0 {
             return wrong("expected zeros behind the last class, got other bits".into());
         }
         for (_, class, from) in node.references() {
-            let words = &v.nodes[at + from..];
+            let words = &of_chunk[at + from..];
             let (highest, entries) = match class {
                 Class::Solid => continue,
-                Class::Ranked => (u64::from(words[0]) % MAX_PATTERNS as u64, v.leaves.patterns().len()),
+                Class::Ranked => (u64::from(words[0]) % MAX_PATTERNS as u64, leaves.patterns().len()),
                 Class::Sliced => {
                     let numbers = words[..2].iter().flat_map(|w| w.to_le_bytes()).max();
-                    (numbers.unwrap_or(0).into(), v.leaves.slices().len())
+                    (numbers.unwrap_or(0).into(), leaves.slices().len())
                 }
-                Class::Long if v.leaves.words_beyond_3() == 1 => continue,
+                Class::Long if leaves.words_beyond_3() == 1 => continue,
                 Class::Long => {
                     let three = words[..3].iter().rev().fold(0, |all, &w| all << 16 | u64::from(w));
                     if three & RARE == RARE {
-                        (three >> 12, v.leaves.rare().len())
+                        (three >> 12, leaves.rare().len())
                     } else {
                         let numbers = [0, 12, 24, 36].map(|s| three >> s & RARE);
-                        (numbers.into_iter().max().unwrap_or(0), v.leaves.slices().len())
+                        (numbers.into_iter().max().unwrap_or(0), leaves.slices().len())
                     }
                 }
             };
@@ -174,26 +187,26 @@ fn check_nodes(v: &CompressedVolume) -> Result<Nodes, ([u8; 4], String)> {
         nodes.push(at, voxels);
         at += node.words();
     }
-    Ok(nodes)
+    Ok(())
 }
 
 fn check_boxes(v: &CompressedVolume, nodes: &Nodes) -> Finding {
-    // Word at which the nodes begin that no box has used yet. Writing boxes and nodes as streams relies on nodes in order of first use.
-    let mut unused = 0u64;
     for (i, c) in v.chunks.iter().enumerate() {
-        let end = v.chunks.get(i + 1).map_or(v.boxes.len(), |n| n.first_box as usize);
-        for (k, record) in v.boxes[c.first_box as usize..end].iter().enumerate() {
+        // Word at which the nodes begin that no box has used yet. Writing boxes and nodes as streams relies on nodes in order of first use.
+        let mut unused = c.node_base;
+        let range = v.node_range(i);
+        for (k, record) in v.boxes[v.box_range(i)].iter().enumerate() {
             let wrong = |what: String| (*b"BOXS", format!("box {k} of chunk {i}: {what}"));
             let at = c.node_base + u64::from(record.node());
-            if !nodes.start_at(at) {
-                return Err(wrong(format!("expected the start of a node, got word {at}")));
+            if at >= range.end as u64 || !nodes.start_at(at) {
+                return Err(wrong(format!("expected the start of a node of the chunk, got word {at}")));
             }
             if at > unused {
                 return Err(wrong(format!(
                     "expected nodes in order of first use, next word {unused}, got {at}"
                 )));
             }
-            let node = NodeRef::read(&v.nodes, at as usize, &v.leaves);
+            let node = NodeRef::read(&v.nodes[..range.end], at as usize, &v.leaves[i]);
             if at == unused {
                 unused += node.words() as u64;
             }
@@ -201,7 +214,11 @@ fn check_boxes(v: &CompressedVolume, nodes: &Nodes) -> Finding {
             if extent != tight || record.0 >> 38 & 3 != 0 {
                 return Err(wrong(format!("expected an extent of {tight:?} cells, got {extent:?}")));
             }
-            let low = [0, 1, 2].map(|a| c.origin[a] + 4 * record.cell()[a]);
+            let cell = record.cell();
+            if (0..3).any(|a| cell[a] + extent[a] > CHUNK_VOXELS / CELL) {
+                return Err(wrong(format!("reaches beyond the chunk from its cell {cell:?}")));
+            }
+            let low = [0, 1, 2].map(|a| c.origin[a] + 4 * cell[a]);
             let past = [0, 1, 2].map(|a| low[a] + 4 * extent[a] > v.info.dims[a]);
             let (_, high) = if past.contains(&true) {
                 BoxView { origin: low, extent, node }.voxel_bounds()
@@ -215,10 +232,13 @@ fn check_boxes(v: &CompressedVolume, nodes: &Nodes) -> Finding {
                 )));
             }
         }
+        ensure(unused == range.end as u64, b"NODE", || {
+            let end = range.end;
+            format!(
+                "chunk {i}: expected use of all words to {end}, got nodes without a box from word {unused}"
+            )
+        })?;
     }
-    ensure(unused == v.nodes.len() as u64, b"NODE", || {
-        format!("expected use of all {} words, got nodes without a box from word {unused}", v.nodes.len())
-    })?;
     // The boxes within a run must rise in Morton order: binary searches and the packed form rely on it.
     for_each_run(v, |_, _, run| {
         let rises = run.is_sorted_by(|a, b| morton::encode(a.cell()) < morton::encode(b.cell()));

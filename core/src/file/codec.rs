@@ -20,7 +20,7 @@ const MAX_EXPANSION: u64 = 1 << 15;
 const MAX_WINDOW_LOG: u32 = 24;
 
 /// Number of bytes between two checks whether the job is cancelled.
-const PIECE: usize = 1 << 20;
+pub(super) const PIECE: usize = 1 << 20;
 
 /// Encodes bytes for the file.
 pub(super) fn encode(bytes: &[u8], encoding: Encoding, level: i32, job: &Job) -> Result<Vec<u8>> {
@@ -43,6 +43,30 @@ pub(super) fn encode(bytes: &[u8], encoding: Encoding, level: i32, job: &Job) ->
         encoder.write_all(piece).map_err(memory)?;
     }
     encoder.finish().map_err(memory)
+}
+
+/// Compresses `length` bytes that need not be in memory, without filters, into `to`: the same bytes as [`encode`] gives. `read` fills pieces
+/// with them in turn.
+pub(super) fn encode_from(
+    length: u64,
+    mut read: impl FnMut(&mut [u8]) -> Result<()>,
+    level: i32,
+    to: &mut dyn Write,
+    job: &Job,
+) -> Result<()> {
+    let memory = |source| crate::Error::Io { path: "zstd".into(), source };
+    let mut encoder = zstd::stream::write::Encoder::new(to, level).map_err(memory)?;
+    encoder.set_pledged_src_size(Some(length)).map_err(memory)?;
+    let mut piece = zeroed(length.min(PIECE as u64) as usize, "a section of the file")?;
+    let mut left = length;
+    while left > 0 {
+        job.check()?;
+        let piece = &mut piece[..left.min(PIECE as u64) as usize];
+        read(piece)?;
+        encoder.write_all(piece).map_err(memory)?;
+        left -= piece.len() as u64;
+    }
+    encoder.finish().map(|_| ()).map_err(memory)
 }
 
 /// Decodes the bytes of a section; the inner error says what is wrong with them.

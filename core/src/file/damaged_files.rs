@@ -217,8 +217,8 @@ fn damaged_arrays_never_panic() {
     let bytes = file_bytes(&volume, CompressionLevel::Fast);
     let mut random = Random(3);
     let names = [
-        "INFO", "LIDS", "LTYP", "CHNK", "RUNS", "LVOX", "LCON", "LEAF", "SLIC", "RARE", "BOXS", "NODE",
-        "LCOL",
+        "INFO", "LIDS", "LTYP", "LCOL", "LVOX", "LCON", "CHNK", "BOXS", "NODE", "RUNS", "LEAF", "SLIC",
+        "RARE", "RUNS", "LEAF", "SLIC", "RARE",
     ];
     let (mut refused, mut refused_chosen) = (HashMap::new(), HashMap::new());
     for (s, name) in names.iter().enumerate() {

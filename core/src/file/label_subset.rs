@@ -4,7 +4,8 @@
 //! RUNS ─► boxes of the chosen labels ─► their nodes, each once ─► a volume of these boxes alone
 //!
 //! plain form (BOXS, NODE as arrays)     reads only the ranges that are needed          costs what the labels cost
-//! packed form (streams)                 inflates whole streams, one at a time          costs inflating, not joining
+//! packed form (streams of a chunk)      inflates the streams of the chunks that have   costs inflating these, not joining
+//!                                       such a label, one at a time
 //! voxels                                reads all labels
 //! ```
 //! The label table stays whole, so dense indices, contacts and names keep their meaning. Patterns that no node uses are left out.
@@ -22,7 +23,7 @@ use super::format_error::{FormatError, Stop};
 use super::layout::{Contents, Entry, Layout};
 use super::nodes::{self, Wrong};
 use super::read::{HEAD_SECTIONS, assemble_head};
-use super::sections::{read_at, read_layout, read_sections};
+use super::sections::{read_at, read_layout, read_sections, read_sections_if};
 use super::{check, read};
 use crate::leaves::{Class, MAX_PATTERNS, RARE};
 use crate::node::{MOST_NODE_WORDS, NodeRef, OCCUPIED_WORDS, extent_of, header_words};
@@ -30,9 +31,6 @@ use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Leave
 
 /// Bytes of a section that are read at once, so that neighbouring nodes arrive together.
 const PIECE_BYTES: u64 = 1 << 16;
-
-/// Number of node words after which a chunk stops sharing nodes of earlier chunks; its boxes can address 2³² words.
-const WINDOW_WORDS: usize = 1 << 31;
 
 impl CompressedVolume {
     /// Reads the labels of a `.pumice` file that `choose` marks, by dense index. Labels beyond the end of its result are not chosen. A file
@@ -59,7 +57,7 @@ struct Wanted {
     boxes: Range<u64>,
 }
 
-/// The boxes that were read, in the file's order, with their nodes.
+/// The boxes of a chunk that were read, in the file's order, with their nodes.
 #[derive(Default)]
 struct Picked {
     /// Lowest cell within the chunk, and the key of the node in `nodes`.
@@ -87,20 +85,31 @@ pub(super) fn read_subset(
     let mut held = choose(&volume.labels);
     held.resize(volume.labels.len(), false);
     let plain = layout.entry(b"NODE").is_some();
-    let boxes_in_file = match layout.entry(if plain { b"BOXS" } else { b"BCEL" }) {
-        Some(entry) => entry.decoded / if plain { 8 } else { 3 },
-        None => return Err(sections.fault(*b"BCEL", "expected the section, got none")),
+    let boxes_in_file = match plain {
+        true => layout.entry(b"BOXS").map(|entry| entry.decoded / 8),
+        false => Some(layout.entries.iter().filter(|e| e.name == *b"BCEL").map(|e| e.decoded / 3).sum()),
+    };
+    let Some(boxes_in_file) = boxes_in_file else {
+        return Err(sections.fault(*b"BOXS", "expected the section, got none"));
     };
     let wanted = wanted(&volume.chunks, &volume.runs, boxes_in_file, &held)
         .map_err(|(section, what)| sections.fault(section, what))?;
-    let picked = if plain {
-        pick_plain(file, &layout, &volume, &wanted, job)?
-    } else {
-        pick_packed(file, &layout, &volume.leaves, &wanted, job)?
-    };
     let chunks = std::mem::take(&mut volume.chunks);
-    put_together(&mut volume, &chunks, &wanted, &picked)
-        .map_err(|(section, what)| sections.fault(section, what))?;
+    let leaves = std::mem::take(&mut volume.leaves);
+    volume.runs = Vec::with_capacity(wanted.len());
+    let (mut records, mut nodes) = (Vec::new(), Vec::new());
+    for in_chunk in wanted.chunk_by(|a, b| a.chunk == b.chunk) {
+        let c = in_chunk[0].chunk;
+        let picked = if plain {
+            let end = chunks.get(c + 1).map(|next| next.node_base);
+            pick_plain(file, &layout, &chunks[c], end, &leaves[c], in_chunk, job)?
+        } else {
+            pick_packed(file, &layout, &chunks[c], &leaves[c], in_chunk, job)?
+        };
+        put_together(&mut volume, &mut records, &mut nodes, &chunks[c], &leaves[c], in_chunk, &picked)
+            .map_err(|(section, what)| sections.fault(section, what))?;
+    }
+    (volume.boxes, volume.nodes) = (records.into(), nodes.into());
     volume.held = Some(held);
     check::check(&volume).map_err(|(section, what)| sections.fault(section, what))?;
     volume.hash = layout.content_hash.into();
@@ -142,11 +151,13 @@ fn wanted(
     Ok(wanted)
 }
 
-/// Reads boxes and nodes from plain arrays. The key of a node is its first word.
+/// Reads boxes and nodes of a chunk from plain arrays. The key of a node is its first word; `end` is that of the next chunk's first node.
 fn pick_plain(
     file: &mut (impl Read + Seek),
     layout: &Layout,
-    head: &CompressedVolume,
+    chunk: &Chunk,
+    end: Option<u64>,
+    leaves: &Leaves,
     wanted: &[Wanted],
     job: &Job,
 ) -> std::result::Result<Picked, Stop> {
@@ -154,7 +165,6 @@ fn pick_plain(
     let mut boxes = Ranges::open(file, layout, b"BOXS", job)?;
     for w in wanted {
         job.check()?;
-        let chunk = &head.chunks[w.chunk];
         let bytes = boxes.read(8 * w.boxes.start, 8 * (w.boxes.end - w.boxes.start))?;
         for &record in bytes.as_chunks::<8>().0 {
             let record = BoxRecord(u64::from_le_bytes(record));
@@ -164,13 +174,13 @@ fn pick_plain(
         }
     }
     let mut nodes = Ranges::open(file, layout, b"NODE", job)?;
-    let end = nodes.bytes / 2;
+    let end = end.unwrap_or(u64::MAX).min(nodes.bytes / 2);
     for (&at, words) in &mut picked.nodes {
         job.check()?;
         let most = (MOST_NODE_WORDS as u64).min(end.saturating_sub(at));
         let bytes = nodes.read(2 * at.min(end), 2 * most)?;
         words.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)));
-        match length_of(words, &head.leaves) {
+        match length_of(words, leaves) {
             Some(length) => words.truncate(length),
             None => {
                 let what = format!("node at word {at}: expected all of it before word {end}");
@@ -189,27 +199,34 @@ fn length_of(words: &[u16], leaves: &Leaves) -> Option<usize> {
     (length <= words.len()).then_some(length)
 }
 
-/// Reads boxes and nodes from streams. The key of a node is its number.
+/// Reads boxes and nodes from the streams of a chunk. The key of a node is its number.
 fn pick_packed(
     file: &mut (impl Read + Seek),
     layout: &Layout,
+    chunk: &Chunk,
     leaves: &Leaves,
     wanted: &[Wanted],
     job: &Job,
 ) -> std::result::Result<Picked, Stop> {
     let mut picked = Picked::default();
+    let number = wanted[0].chunk as u32;
+    // The sections' sizes are compared with INFO of the file, as where they are read with it.
     let mut section = |name: &'static [u8; 4]| -> std::result::Result<(Vec<u8>, u64), Stop> {
-        let mut sections = read_sections(file, None, layout, &[name], job)?;
-        Ok((sections.take(name)?, sections.offset(name)))
+        let is_it = |entry: &Entry| entry.name == *name && entry.chunk == Some(number);
+        let at = layout.entries.iter().find(|entry| is_it(entry)).map_or(0, |entry| entry.offset);
+        Ok((read_sections_if(file, None, layout, is_it, job)?.take_of(name, Some(number))?, at))
     };
-    let fault = |(section, what): Wrong, at: u64| Stop::Fault(FormatError { section, at, what });
+    let fault = |(section, what): Wrong, at: u64| {
+        let what = format!("chunk {number}: {what}");
+        Stop::Fault(FormatError { section, at, what })
+    };
 
-    let numbers = wanted.iter().map(|w| w.boxes.clone());
+    let in_chunk = |w: &Wanted| w.boxes.start - chunk.first_box..w.boxes.end - chunk.first_box;
     let (backs, at) = section(b"BNOD")?;
-    let numbers = nodes::numbers_of(&backs, numbers).map_err(|w| fault(w, at))?;
+    let numbers = nodes::numbers_of(&backs, wanted.iter().map(in_chunk)).map_err(|w| fault(w, at))?;
     drop(backs);
     let (cells, at) = section(b"BCEL")?;
-    let places = wanted.iter().flat_map(|w| w.boxes.clone());
+    let places = wanted.iter().flat_map(in_chunk);
     for (b, &number) in places.zip(&numbers) {
         let cell =
             nodes::cell_of(&cells, b).ok_or_else(|| fault((*b"BCEL", format!("ends before box {b}")), at))?;
@@ -236,66 +253,51 @@ fn pick_packed(
     Ok(picked)
 }
 
-/// Builds chunks, runs, boxes and nodes of the picked boxes alone, and the dictionary of the leaves that they use.
+/// Appends the picked boxes of a chunk, with their runs, nodes, and the leaves that these use.
 fn put_together(
     volume: &mut CompressedVolume,
-    chunks: &[Chunk],
+    records: &mut Vec<BoxRecord>,
+    nodes: &mut Vec<u16>,
+    chunk: &Chunk,
+    former: &Leaves,
     wanted: &[Wanted],
     picked: &Picked,
 ) -> std::result::Result<(), Wrong> {
-    let former = std::mem::take(&mut volume.leaves);
-    let (leaves, places) = used_leaves(&former, picked)?;
-    volume.leaves = leaves;
-    volume.runs = Vec::with_capacity(wanted.len());
-    let mut records = Vec::with_capacity(picked.boxes.len());
-    let mut nodes = Vec::with_capacity(picked.nodes.values().map(Vec::len).sum());
-    let mut placed: BTreeMap<u64, usize> = BTreeMap::new();
+    let (leaves, places) = used_leaves(former, picked)?;
+    let (first_box, node_base) = (records.len(), nodes.len());
+    volume.chunks.push(Chunk {
+        origin: chunk.origin,
+        first_box: first_box as u64,
+        first_run: volume.runs.len() as u64,
+        node_base: node_base as u64,
+    });
+    let mut placed: BTreeMap<u64, u32> = BTreeMap::new();
     let mut boxes = picked.boxes.iter();
-    for in_chunk in wanted.chunk_by(|a, b| a.chunk == b.chunk) {
-        let words = nodes.len();
-        let before = volume.chunks.last().map_or(0, |c: &Chunk| c.node_base);
-        let node_base = if words - before as usize > WINDOW_WORDS { words as u64 } else { before };
-        let first_box = records.len();
-        volume.chunks.push(Chunk {
-            origin: chunks[in_chunk[0].chunk].origin,
-            first_box: first_box as u64,
-            first_run: volume.runs.len() as u64,
-            node_base,
-        });
-        for w in in_chunk {
-            let run = LabelRun { label: w.label, first_box: (records.len() - first_box) as u32 };
-            volume.runs.push(run);
-            for &(cell, name) in boxes.by_ref().take((w.boxes.end - w.boxes.start) as usize) {
-                let words = &picked.nodes[&name];
-                let at = *placed
-                    .entry(name)
-                    .and_modify(|at| {
-                        if (*at as u64) < node_base {
-                            *at = nodes.len();
-                        }
-                    })
-                    .or_insert(nodes.len());
-                if at == nodes.len() {
-                    append(&mut nodes, words, &former, &places);
-                }
-                let occupied = NodeRef::read(words, 0, &volume.leaves).occupied;
-                if occupied == 0 {
-                    return Err((*b"OCCU", format!("node {name}: got no occupied cell")));
-                }
-                let node = u32::try_from(at as u64 - node_base).map_err(|_| {
-                    (
-                        *b"NODE",
-                        format!(
-                            "chunk {}: expected the nodes of its boxes within 2^32 words, got more",
-                            w.chunk
-                        ),
-                    )
-                })?;
-                records.push(BoxRecord::new(cell, extent_of(occupied), node));
+    for w in wanted {
+        let run = LabelRun { label: w.label, first_box: (records.len() - first_box) as u32 };
+        volume.runs.push(run);
+        for &(cell, name) in boxes.by_ref().take((w.boxes.end - w.boxes.start) as usize) {
+            let words = &picked.nodes[&name];
+            let occupied = NodeRef::read(words, 0, &leaves).occupied;
+            if occupied == 0 {
+                return Err((*b"OCCU", format!("node {name}: got no occupied cell")));
             }
+            let node = match placed.get(&name) {
+                Some(&node) => node,
+                None => {
+                    let node = u32::try_from(nodes.len() - node_base).map_err(|_| {
+                        let what = "expected the nodes of its boxes within 2^32 words, got more";
+                        (*b"NODE", format!("chunk {}: {what}", w.chunk))
+                    })?;
+                    append(nodes, words, former, &places);
+                    placed.insert(name, node);
+                    node
+                }
+            };
+            records.push(BoxRecord::new(cell, extent_of(occupied), node));
         }
     }
-    (volume.boxes, volume.nodes) = (records.into(), nodes.into());
+    volume.leaves.push(leaves);
     Ok(())
 }
 

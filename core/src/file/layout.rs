@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! header   0  8  magic 89 "PUMICE" 0A            table entry   0  4  name, ASCII
-//!          8  4  version, 5                                    4  1  compression: 0 none, 1 zstd
+//!          8  4  version, 6                                    4  1  compression: 0 none, 1 zstd
 //!         12  4  contents: 0 boxes, 1 voxels                   5  1  element width w of the filters, in bytes
 //!         16  8  length of the file                            6  1  filters: bit 0 delta, bit 1 planes
 //!         24  8  offset of the section table, 64               7  1  0
@@ -10,9 +10,11 @@
 //!         36  4  number of frames, 1                          16  8  bytes in the file
 //!         40 16  content hash                                 24  8  bytes when decoded
 //!         56  8  XXH3-64 of bytes 0 to 56 and the table       32  8  XXH3-64 of the bytes in the file
-//!                                                             40  8  0
+//!                                                             40  4  0: of the volume; k: of chunk k − 1
+//!                                                             44  4  0
 //! ```
 
+use rustc_hash::FxHashSet;
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use super::format_error::{FormatError, Stop};
@@ -21,11 +23,12 @@ use super::format_error::{FormatError, Stop};
 pub const MAGIC: [u8; 8] = *b"\x89PUMICE\n";
 pub(super) const HEADER_BYTES: usize = 64;
 pub(super) const ENTRY_BYTES: usize = 48;
-/// Largest number of sections; more than any version will need. It bounds what a damaged count makes the reader allocate.
-pub(super) const MAX_SECTIONS: u32 = 64;
+/// Largest number of sections: 16 for each of the most chunks that a volume can have boxes in, and 64. (The table lies within the file, so
+/// its length bounds what a damaged count makes the reader allocate.)
+pub(super) const MAX_SECTIONS: u32 = 1 << 28;
 
 /// Version of the files that this program writes; it reads no other version.
-pub(super) const VERSION: u32 = 5;
+pub(super) const VERSION: u32 = 6;
 
 /// The form in which a file holds its volume.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -57,11 +60,27 @@ pub(super) struct Encoding {
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub(super) struct Entry {
     pub(super) name: [u8; 4],
+    /// Index of the chunk that it belongs to; `None` where it belongs to the volume.
+    pub(super) chunk: Option<u32>,
     pub(super) encoding: Encoding,
     pub(super) offset: u64,
     pub(super) stored: u64,
     pub(super) decoded: u64,
     pub(super) checksum: u64,
+}
+
+impl Entry {
+    /// The entry of a section with these bytes, which is not placed in the file yet.
+    pub(super) fn of_stored(
+        name: [u8; 4],
+        chunk: Option<u32>,
+        encoding: Encoding,
+        stored: &[u8],
+        decoded: u64,
+    ) -> Self {
+        let checksum = section_checksum(stored);
+        Self { name, chunk, encoding, offset: 0, stored: stored.len() as u64, decoded, checksum }
+    }
 }
 
 /// Header and section table.
@@ -87,9 +106,9 @@ fn u64_at(bytes: &[u8], at: usize) -> u64 {
 }
 
 impl Layout {
-    /// The entry of a section, or `None` if the file does not have the section.
+    /// The entry of a section of the volume, or `None` if the file does not have the section.
     pub(super) fn entry(&self, name: &[u8; 4]) -> Option<&Entry> {
-        self.entries.iter().find(|e| e.name == *name)
+        self.entries.iter().find(|e| e.name == *name && e.chunk.is_none())
     }
 
     /// Serialises header and table.
@@ -108,7 +127,8 @@ impl Layout {
             let filters = u8::from(e.encoding.delta) | u8::from(e.encoding.planes) << 1;
             bytes.extend(e.name);
             bytes.extend([u8::from(e.encoding.zstd), e.encoding.width, filters, 0]);
-            for v in [e.offset, e.stored, e.decoded, e.checksum, 0] {
+            let chunk = e.chunk.map_or(0, |chunk| u64::from(chunk) + 1);
+            for v in [e.offset, e.stored, e.decoded, e.checksum, chunk] {
                 bytes.extend(v.to_le_bytes());
             }
         }
@@ -174,6 +194,7 @@ impl Layout {
             ));
         }
         let mut entries: Vec<Entry> = Vec::new();
+        let mut known: FxHashSet<([u8; 4], u64)> = FxHashSet::default();
         let mut end = bytes.len() as u64;
         for (i, b) in bytes[HEADER_BYTES..].chunks_exact(ENTRY_BYTES).enumerate() {
             let at = (HEADER_BYTES + i * ENTRY_BYTES) as u64;
@@ -207,13 +228,21 @@ impl Layout {
                     format!("size of section {i}: expected {stored}, got {decoded}"),
                 ));
             }
-            if entries.iter().any(|e| e.name == name) {
+            let chunk = u64_at(b, 40);
+            let index = u32::try_from(chunk).map_err(|_| {
+                FormatError::in_header(
+                    at + 40,
+                    format!("chunk of section {i}: expected below 2^32, got {chunk}"),
+                )
+            })?;
+            if !known.insert((name, chunk)) {
                 return Err(FormatError::in_header(
                     at,
                     format!("name of section {i}: {:?} comes twice", name.escape_ascii().to_string()),
                 ));
             }
-            entries.push(Entry { name, encoding, offset, stored, decoded, checksum: u64_at(b, 32) });
+            let chunk = index.checked_sub(1);
+            entries.push(Entry { name, chunk, encoding, offset, stored, decoded, checksum: u64_at(b, 32) });
         }
         if align(end) != file_bytes {
             return Err(FormatError::in_header(

@@ -17,6 +17,7 @@
 //! | `voxel_coder`, `voxel_pieces` | converts the voxels of one piece to a bit stream, and back; converts a volume to pieces, and back |
 //! | `check` | every invariant of a volume that comes from outside |
 //! | `write`, `read`, `label_subset` | writes a volume to a file, reads it from a file, and reads only some labels of a file |
+//! | `file_sink` | writes a volume to a file while it is compressed |
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed, so a killed process never leaves an incomplete file
 //! under the final name.
@@ -44,6 +45,7 @@ mod arithmetic;
 mod check;
 mod codec;
 mod equal_neighbours;
+mod file_sink;
 mod format_error;
 mod label_subset;
 mod layout;
@@ -61,5 +63,8 @@ mod write;
 #[cfg(test)]
 mod damaged_files;
 
+pub(crate) use file_sink::finish_into_file;
+
+pub use file_sink::WrittenVolume;
 pub use layout::MAGIC;
 pub use write::CompressionLevel;

@@ -1,4 +1,4 @@
-//! Nodes and boxes as streams. They omit what can be derived, and each holds values of one kind, so that they compress well.
+//! Nodes and boxes of a chunk as streams. They omit what can be derived, and each holds values of one kind, so that they compress well.
 //!
 //! ```text
 //! BCEL  u24 a box   Morton code of its lowest cell within its chunk
@@ -18,8 +18,8 @@ use std::ops::Range;
 
 use crate::leaves::{Class, Leaves};
 use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
-use crate::reserve::reserved;
-use crate::{BoxRecord, Chunk, NoMemory, morton};
+use crate::reserve::{make_room, reserved};
+use crate::{BoxRecord, NoMemory, morton};
 
 /// The streams that the module documentation lists.
 #[derive(Debug, Default)]
@@ -109,41 +109,73 @@ fn every_second(bits: u64) -> u32 {
 /// The section that is wrong, and what is wrong with it.
 pub(super) type Wrong = ([u8; 4], String);
 
-/// Splits nodes and boxes into streams.
-pub(super) fn split(chunks: &[Chunk], boxes: &[BoxRecord], nodes: &[u16], leaves: &Leaves) -> Streams {
-    let mut streams = Streams::default();
-    let mut classes = BitWriter::default();
-    let mut starts = Vec::new();
-    let mut at = 0;
-    while at < nodes.len() {
-        starts.push(at as u64);
-        let node = NodeRef::read(nodes, at, leaves);
-        streams.occupied.extend(node.occupied.to_le_bytes());
-        for (_, class, from) in node.references() {
-            classes.push(class as u8 & 1 != 0);
-            classes.push(class as u8 & 2 != 0);
-            if class != Class::Solid {
-                let words = &nodes[at + from..][..leaves.words_of(class)];
-                streams.references[class as usize - 1].extend(words.iter().flat_map(|w| w.to_le_bytes()));
-            }
-        }
-        at += node.words();
-    }
-    streams.classes = classes.bytes;
+/// Splits nodes and boxes into streams, piece after piece. Whoever takes a stream's bytes leaves it empty for the next piece.
+#[derive(Default)]
+pub(super) struct Splitter {
+    pub(super) occupied: Vec<u8>,
+    pub(super) references: [Vec<u8>; 3],
+    classes: BitWriter,
+}
 
-    let mut next = 0;
-    for (c, chunk) in chunks.iter().enumerate() {
-        let end = chunks.get(c + 1).map_or(boxes.len(), |n| n.first_box as usize);
-        for record in &boxes[chunk.first_box as usize..end] {
-            streams.cells.extend_from_slice(&morton::encode(record.cell()).to_le_bytes()[..3]);
-            let place = chunk.node_base + u64::from(record.node());
-            // Nodes are in the order of first use, so a box's node is either the next new one or one that came earlier.
-            let number =
-                if starts.get(next) == Some(&place) { next } else { starts.partition_point(|&s| s < place) };
-            streams.backs.extend(((next - number) as u32).to_le_bytes());
-            next += usize::from(number == next);
+impl Splitter {
+    /// Appends what describes these nodes; returns the first word of each.
+    pub(super) fn nodes(&mut self, nodes: &[u16], leaves: &Leaves) -> Vec<u32> {
+        let mut starts = Vec::new();
+        let mut at = 0;
+        while at < nodes.len() {
+            starts.push(at as u32);
+            let node = NodeRef::read(nodes, at, leaves);
+            self.occupied.extend(node.occupied.to_le_bytes());
+            for (_, class, from) in node.references() {
+                self.classes.push(class as u8 & 1 != 0);
+                self.classes.push(class as u8 & 2 != 0);
+                if class != Class::Solid {
+                    let words = &nodes[at + from..][..leaves.words_of(class)];
+                    self.references[class as usize - 1].extend(words.iter().flat_map(|w| w.to_le_bytes()));
+                }
+            }
+            at += node.words();
+        }
+        starts
+    }
+
+    /// Appends the lowest cells of boxes.
+    pub(super) fn cells(&self, boxes: &[BoxRecord], cells: &mut Vec<u8>) {
+        for record in boxes {
+            cells.extend_from_slice(&morton::encode(record.cell()).to_le_bytes()[..3]);
         }
     }
+
+    /// The bytes of classes that are full; what is left begins the next piece.
+    pub(super) fn take_classes(&mut self) -> Vec<u8> {
+        let full = self.classes.bytes.len() - usize::from(self.classes.used != 0);
+        let rest = self.classes.bytes.split_off(full);
+        std::mem::replace(&mut self.classes.bytes, rest)
+    }
+
+    /// The last byte of the classes, if it is not full.
+    pub(super) fn last_classes(&mut self) -> Vec<u8> {
+        std::mem::take(&mut self.classes.bytes)
+    }
+}
+
+/// Splits the nodes and boxes of a chunk into streams.
+pub(super) fn split(boxes: &[BoxRecord], nodes: &[u16], leaves: &Leaves) -> Streams {
+    let mut splitter = Splitter::default();
+    let starts = splitter.nodes(nodes, leaves);
+    let mut streams = Streams::default();
+    splitter.cells(boxes, &mut streams.cells);
+    let mut next = 0;
+    for record in boxes {
+        let place = record.node();
+        // Nodes are in the order of first use, so a box's node is either the next new one or one that came earlier.
+        let number =
+            if starts.get(next) == Some(&place) { next } else { starts.partition_point(|&s| s < place) };
+        streams.backs.extend(((next - number) as u32).to_le_bytes());
+        next += usize::from(number == next);
+    }
+    streams.classes = splitter.last_classes();
+    (streams.occupied, streams.references) = (splitter.occupied, splitter.references);
     streams
 }
 
@@ -279,8 +311,20 @@ pub(super) fn find(occupied: &[u8], classes: &[u8], numbers: &[u64]) -> Result<V
     }
 }
 
-/// Joins streams to nodes; returns the nodes' words and each node's first word. An error names a section and what is wrong with it.
-pub(super) fn join_nodes(streams: &Streams, leaves: &Leaves) -> Result<(Vec<u16>, Vec<u64>), Wrong> {
+/// Joins the streams of a chunk, and appends its boxes and the words of its nodes. An error names a section and what is wrong with it.
+pub(super) fn join(
+    streams: &Streams,
+    leaves: &Leaves,
+    boxes: &mut Vec<BoxRecord>,
+    nodes: &mut Vec<u16>,
+) -> Result<(), Wrong> {
+    let first = nodes.len();
+    let starts = join_nodes(streams, leaves, nodes)?;
+    join_boxes(streams, &nodes[first..], &starts, boxes)
+}
+
+/// Appends the words of the nodes; returns each node's first word, counted from the first of the chunk.
+fn join_nodes(streams: &Streams, leaves: &Leaves, nodes: &mut Vec<u16>) -> Result<Vec<u32>, Wrong> {
     if !streams.occupied.len().is_multiple_of(8) {
         return Err((*b"OCCU", format!("size: expected a multiple of 8, got {}", streams.occupied.len())));
     }
@@ -290,16 +334,18 @@ pub(super) fn join_nodes(streams: &Streams, leaves: &Leaves) -> Result<(Vec<u16>
     let references: usize = streams.references.iter().map(Vec::len).sum();
     let words = (OCCUPIED_WORDS + 1) * nodes_count + streams.classes.len() / 2 + references / 2;
     let no_memory = |e: NoMemory| (*b"OCCU", e.to_string());
-    let mut nodes: Vec<u16> = reserved(words, "the nodes of the volume").map_err(no_memory)?;
+    let first = nodes.len();
+    make_room(nodes, words, "the nodes of the volume").map_err(no_memory)?;
     let mut starts = reserved(nodes_count, "the nodes of the volume").map_err(no_memory)?;
     for occupied in u64s(&streams.occupied) {
-        starts.push(nodes.len() as u64);
+        let start = u32::try_from(nodes.len() - first);
+        starts.push(start.map_err(|_| (*b"OCCU", "expected nodes below 2^32 words, got more".to_owned()))?);
         let place = heads.next(occupied)?;
         let mut parts: [&[u8]; 3] = [&[]; 3];
         for (k, part) in parts.iter_mut().enumerate() {
             *part = elements(&streams.references[k], k, &place.references[k], leaves)?;
         }
-        place.append(parts, leaves, &mut nodes);
+        place.append(parts, leaves, nodes);
     }
     let long =
         |section: &[u8; 4]| (*section, "expected the end after the last node, got more bytes".to_owned());
@@ -311,16 +357,16 @@ pub(super) fn join_nodes(streams: &Streams, leaves: &Leaves) -> Result<(Vec<u16>
             return Err(long(REFERENCES[k]));
         }
     }
-    Ok((nodes, starts))
+    Ok(starts)
 }
 
-/// Joins streams to box records. `starts` holds each node's first word.
-pub(super) fn join_boxes(
+/// Appends the box records of a chunk with these nodes. `starts` holds each node's first word.
+fn join_boxes(
     streams: &Streams,
-    chunks: &[Chunk],
     nodes: &[u16],
-    starts: &[u64],
-) -> Result<Vec<BoxRecord>, Wrong> {
+    starts: &[u32],
+    records: &mut Vec<BoxRecord>,
+) -> Result<(), Wrong> {
     let count = streams.backs.len() / 4;
     if !streams.backs.len().is_multiple_of(4) || streams.cells.len() != 3 * count {
         let what = format!(
@@ -330,21 +376,16 @@ pub(super) fn join_boxes(
         );
         return Err((*b"BCEL", what));
     }
-    let mut records = reserved(count, "the boxes of the volume").map_err(|e| (*b"BCEL", e.to_string()))?;
+    make_room(records, count, "the boxes of the volume").map_err(|e| (*b"BCEL", e.to_string()))?;
     let leaves = Leaves::default();
-    let (mut next, mut c) = (0usize, 0usize);
+    let mut next = 0usize;
     let boxes = streams.cells.as_chunks::<3>().0.iter().zip(streams.backs.as_chunks::<4>().0);
     for (i, (code, back)) in boxes.enumerate() {
-        while chunks.get(c + 1).is_some_and(|n| n.first_box <= i as u64) {
-            c += 1;
-        }
         let back = u32::from_le_bytes(*back) as usize;
-        let node = next.checked_sub(back).and_then(|n| starts.get(n)).copied();
-        let place = node.zip(chunks.get(c)).and_then(|(at, chunk)| at.checked_sub(chunk.node_base));
-        let (Some(at), Some(place)) = (node, place.and_then(|p| u32::try_from(p).ok())) else {
+        let Some(&at) = next.checked_sub(back).and_then(|n| starts.get(n)) else {
             return Err((
                 *b"BNOD",
-                format!("box {i}: expected a node within reach, got the one {back} before number {next}"),
+                format!("box {i}: expected a node of the chunk, got the one {back} before number {next}"),
             ));
         };
         next += usize::from(back == 0);
@@ -353,12 +394,12 @@ pub(super) fn join_boxes(
         if occupied == 0 {
             return Err((*b"OCCU", format!("node of box {i}: got no occupied cell")));
         }
-        records.push(BoxRecord::new(cell, extent_of(occupied), place));
+        records.push(BoxRecord::new(cell, extent_of(occupied), at));
     }
     if next != starts.len() {
         return Err((*b"BNOD", format!("expected use of all {} nodes, got {next}", starts.len())));
     }
-    Ok(records)
+    Ok(())
 }
 
 #[cfg(test)]

@@ -11,7 +11,8 @@ use super::sections::{Sections, info_of, read_layout, read_sections};
 use super::{check, voxel_pieces};
 use crate::elements::MappedFile;
 use crate::{
-    BoxRecord, Chunk, CompressedVolume, Contacts, Error, Job, LabelRun, LabelTable, Result, open_input,
+    BoxRecord, Chunk, CompressedVolume, Contacts, Error, Job, LabelRun, LabelTable, Leaves, Result,
+    open_input,
 };
 
 impl CompressedVolume {
@@ -64,11 +65,11 @@ pub(super) fn from_path<T>(
     })
 }
 
-/// Sections that describe a volume apart from its boxes.
+/// Sections of the volume and of its chunks, apart from boxes and nodes.
 pub(super) const HEAD_SECTIONS: [&[u8; 4]; 11] =
     [b"INFO", b"CHNK", b"RUNS", b"LIDS", b"LVOX", b"LTYP", b"LCON", b"LCOL", b"LEAF", b"SLIC", b"RARE"];
 
-/// Sections of boxes and nodes, in the plain form and in the packed one.
+/// Sections of boxes and nodes: of the volume in the plain form, of each chunk in the packed one.
 const BOX_SECTIONS: [&[u8; 4]; 9] =
     [b"BOXS", b"NODE", b"BCEL", b"BNOD", b"OCCU", b"CLAS", b"REFS", b"SLCR", b"FLDS"];
 
@@ -108,7 +109,7 @@ fn check_content(layout: &Layout, volume: CompressedVolume) -> std::result::Resu
     Ok(volume)
 }
 
-/// Builds a volume without boxes; it is not checked yet.
+/// Builds a volume without boxes and nodes; it is not checked yet.
 pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
     let (info, names) = info_of(sections)?;
     let mut volume = CompressedVolume::empty(info);
@@ -122,10 +123,25 @@ pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<Comp
             node_base: u64_at(32),
         }
     })?;
-    volume.runs = sections.elements(b"RUNS", |b: [u8; 8]| {
-        let both = u64::from_le_bytes(b);
-        LabelRun { label: both as u32, first_box: (both >> 32) as u32 }
-    })?;
+    for (c, chunk) in (0..).zip(&volume.chunks) {
+        let mut runs = sections.elements_of(b"RUNS", Some(c), |b: [u8; 8]| {
+            let both = u64::from_le_bytes(b);
+            LabelRun { label: both as u32, first_box: (both >> 32) as u32 }
+        })?;
+        if chunk.first_run != volume.runs.len() as u64 {
+            let what =
+                format!("chunk {c}: first run: expected {}, got {}", volume.runs.len(), chunk.first_run);
+            return Err(sections.fault(*b"CHNK", what));
+        }
+        volume.runs.append(&mut runs);
+        volume.leaves.push(Leaves {
+            patterns: sections.elements_of(b"LEAF", Some(c), u64::from_le_bytes)?,
+            slices: sections.elements_of(b"SLIC", Some(c), u16::from_le_bytes)?,
+            rare: sections.elements_of(b"RARE", Some(c), u64::from_le_bytes)?,
+        });
+    }
+    volume.runs.shrink_to_fit();
+    volume.leaves.shrink_to_fit();
     let ids = sections.elements(b"LIDS", u64::from_le_bytes)?;
     volume.labels = LabelTable {
         columns: sections.columns(names.columns, ids.len())?,
@@ -136,9 +152,6 @@ pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<Comp
         // The contacts stay packed here; they are checked once the number of labels is.
         contacts: Contacts { bytes: sections.take(b"LCON")?, pairs: 0 },
     };
-    volume.leaves.patterns = sections.elements(b"LEAF", u64::from_le_bytes)?;
-    volume.leaves.slices = sections.elements(b"SLIC", u16::from_le_bytes)?;
-    volume.leaves.rare = sections.elements(b"RARE", u64::from_le_bytes)?;
     Ok(volume)
 }
 
@@ -149,17 +162,31 @@ fn assemble(sections: &mut Sections) -> std::result::Result<CompressedVolume, St
         volume.nodes = sections.array(b"NODE", u16::from_le_bytes)?;
         volume.boxes = sections.array(b"BOXS", |b| BoxRecord(u64::from_le_bytes(b)))?;
     } else {
-        let streams = Streams {
-            cells: sections.take(b"BCEL")?,
-            backs: sections.take(b"BNOD")?,
-            occupied: sections.take(b"OCCU")?,
-            classes: sections.take(b"CLAS")?,
-            references: [sections.take(b"REFS")?, sections.take(b"SLCR")?, sections.take(b"FLDS")?],
-        };
-        let fault = |(section, what): ([u8; 4], String)| sections.fault(section, what);
-        let (nodes, starts) = nodes::join_nodes(&streams, &volume.leaves).map_err(fault)?;
-        volume.boxes = nodes::join_boxes(&streams, &volume.chunks, &nodes, &starts).map_err(fault)?.into();
+        let (mut boxes, mut nodes) = (Vec::new(), Vec::new());
+        for (c, leaves) in (0..).zip(&volume.leaves) {
+            let chunk = &volume.chunks[c as usize];
+            for (name, expected, got) in
+                [("box", boxes.len(), chunk.first_box), ("word of its nodes", nodes.len(), chunk.node_base)]
+            {
+                if expected as u64 != got {
+                    let what = format!("chunk {c}: first {name}: expected {expected}, got {got}");
+                    return Err(sections.fault(*b"CHNK", what));
+                }
+            }
+            let mut take = |name| sections.take_of(name, Some(c));
+            let streams = Streams {
+                cells: take(b"BCEL")?,
+                backs: take(b"BNOD")?,
+                occupied: take(b"OCCU")?,
+                classes: take(b"CLAS")?,
+                references: [take(b"REFS")?, take(b"SLCR")?, take(b"FLDS")?],
+            };
+            nodes::join(&streams, leaves, &mut boxes, &mut nodes)
+                .map_err(|(section, what)| sections.fault_in(section, c, &what))?;
+        }
+        volume.boxes = boxes.into();
         volume.nodes = nodes.into();
     }
+    sections.expect_none_left()?;
     Ok(volume)
 }

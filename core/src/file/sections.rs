@@ -32,46 +32,94 @@ pub(super) struct TableNames {
     pub(super) columns: Vec<String>,
 }
 
-/// Sections that were read and decoded, by name.
+/// Name of a section, and the chunk that it belongs to; `None` where it belongs to the volume.
+type Key = ([u8; 4], Option<u32>);
+
+/// Sections that were read and decoded, by name and chunk.
 pub(super) struct Sections {
-    decoded: HashMap<[u8; 4], Vec<u8>>,
+    decoded: HashMap<Key, Vec<u8>>,
     info: Option<Info>,
-    offsets: HashMap<[u8; 4], u64>,
+    offsets: HashMap<Key, u64>,
     /// The mapped file, if it is mapped, and the byte ranges of sections that were not read because they need no decoding.
     map: Option<MappedFile>,
     mapped: HashMap<[u8; 4], Range<usize>>,
 }
 
 impl Sections {
+    /// A fault in a section of the volume, or in the first chunk's section with this name.
     pub(super) fn fault(&self, section: [u8; 4], what: impl Into<String>) -> Stop {
-        Stop::Fault(FormatError { section, at: self.offset(&section), what: what.into() })
+        let at = self.offsets.get(&(section, None)).or_else(|| self.offsets.get(&(section, Some(0))));
+        Stop::Fault(FormatError { section, at: at.copied().unwrap_or(0), what: what.into() })
+    }
+
+    /// A fault in a section of a chunk.
+    pub(super) fn fault_in(&self, section: [u8; 4], chunk: u32, what: &str) -> Stop {
+        let what = format!("chunk {chunk}: {what}");
+        Stop::Fault(FormatError { section, at: self.offset(section, Some(chunk)), what })
     }
 
     /// Byte offset of a section in the file; 0 if it was not read.
-    pub(super) fn offset(&self, name: &[u8; 4]) -> u64 {
-        self.offsets.get(name).copied().unwrap_or(0)
+    fn offset(&self, name: [u8; 4], chunk: Option<u32>) -> u64 {
+        self.offsets.get(&(name, chunk)).copied().unwrap_or(0)
     }
 
-    /// Whether a section was read and has not been taken yet.
+    /// Whether a section of the volume was read and has not been taken yet.
     pub(super) fn has(&self, name: &[u8; 4]) -> bool {
-        self.decoded.contains_key(name) || self.mapped.contains_key(name)
+        self.decoded.contains_key(&(*name, None)) || self.mapped.contains_key(name)
     }
 
-    /// Removes and returns a section's bytes.
+    /// Removes and returns the bytes of a section of the volume.
     pub(super) fn take(&mut self, name: &[u8; 4]) -> std::result::Result<Vec<u8>, Stop> {
-        self.decoded.remove(name).ok_or_else(|| self.fault(*name, "expected the section, got none"))
+        self.take_of(name, None)
     }
 
-    /// Removes a section and converts it to elements of `N` bytes each.
+    /// Removes and returns the bytes of a section of a chunk, or of the volume.
+    pub(super) fn take_of(
+        &mut self,
+        name: &[u8; 4],
+        chunk: Option<u32>,
+    ) -> std::result::Result<Vec<u8>, Stop> {
+        let what = "expected the section, got none";
+        self.decoded.remove(&(*name, chunk)).ok_or_else(|| match chunk {
+            Some(chunk) => self.fault_in(*name, chunk, what),
+            None => self.fault(*name, what),
+        })
+    }
+
+    /// Returns an error if a section is left that was not taken.
+    pub(super) fn expect_none_left(&self) -> std::result::Result<(), Stop> {
+        match self.decoded.keys().min() {
+            None => Ok(()),
+            Some(&(name, chunk)) => {
+                let place = chunk.map_or("the volume".to_owned(), |chunk| format!("chunk {chunk}"));
+                let what = format!("expected no such section of {place}, got one");
+                Err(Stop::Fault(FormatError { section: name, at: self.offset(name, chunk), what }))
+            }
+        }
+    }
+
+    /// Removes a section of the volume and converts it to elements of `N` bytes each.
     pub(super) fn elements<const N: usize, T>(
         &mut self,
         name: &[u8; 4],
         element: impl Fn([u8; N]) -> T,
     ) -> std::result::Result<Vec<T>, Stop> {
-        let bytes = self.take(name)?;
+        self.elements_of(name, None, element)
+    }
+
+    /// Removes a section of a chunk, or of the volume, and converts it to elements of `N` bytes each.
+    pub(super) fn elements_of<const N: usize, T>(
+        &mut self,
+        name: &[u8; 4],
+        chunk: Option<u32>,
+        element: impl Fn([u8; N]) -> T,
+    ) -> std::result::Result<Vec<T>, Stop> {
+        let bytes = self.take_of(name, chunk)?;
         let (whole, rest) = bytes.as_chunks::<N>();
         if !rest.is_empty() {
-            return Err(self.fault(*name, format!("size: expected a multiple of {N}, got {}", bytes.len())));
+            let (at, what) =
+                (self.offset(*name, chunk), format!("size: expected a multiple of {N}, got {}", bytes.len()));
+            return Err(Stop::Fault(FormatError { section: *name, at, what }));
         }
         let mut elements = reserved(whole.len(), "a section of the file").map_err(Error::from)?;
         elements.extend(whole.iter().map(|&b| element(b)));
@@ -179,7 +227,12 @@ pub(super) fn read_at(
 /// Byte range of a section in a mapped file, if it needs no decoding.
 fn place_in(map: Option<&MappedFile>, entry: &Entry) -> Option<Range<usize>> {
     let is_array = [b"BOXS", b"NODE"].contains(&&entry.name);
-    if !is_array || entry.encoding.zstd || entry.encoding.delta || entry.encoding.planes {
+    if !is_array
+        || entry.chunk.is_some()
+        || entry.encoding.zstd
+        || entry.encoding.delta
+        || entry.encoding.planes
+    {
         return None;
     }
     let range = usize::try_from(entry.offset).ok()?..usize::try_from(entry.offset + entry.stored).ok()?;
@@ -187,12 +240,23 @@ fn place_in(map: Option<&MappedFile>, entry: &Entry) -> Option<Range<usize>> {
     (cfg!(target_endian = "little") && range.end <= map?.bytes().len()).then_some(range)
 }
 
-/// Reads those of the named sections that the file has.
+/// Reads those of the named sections that the file has, of the volume and of all chunks.
 pub(super) fn read_sections(
     file: &mut (impl Read + Seek),
     map: Option<MappedFile>,
     layout: &Layout,
     names: &[&[u8; 4]],
+    job: &Job,
+) -> std::result::Result<Sections, Stop> {
+    read_sections_if(file, map, layout, |entry| names.contains(&&entry.name), job)
+}
+
+/// Reads the sections for which `wanted` is true.
+pub(super) fn read_sections_if(
+    file: &mut (impl Read + Seek),
+    map: Option<MappedFile>,
+    layout: &Layout,
+    wanted: impl Fn(&Entry) -> bool,
     job: &Job,
 ) -> std::result::Result<Sections, Stop> {
     let mut sections = Sections {
@@ -203,7 +267,7 @@ pub(super) fn read_sections(
         mapped: HashMap::new(),
     };
     // `INFO` comes first, because it says how large the others may be.
-    let mut entries: Vec<&Entry> = layout.entries.iter().filter(|e| names.contains(&&e.name)).collect();
+    let mut entries: Vec<&Entry> = layout.entries.iter().filter(|e| wanted(e)).collect();
     entries.sort_by_key(|entry| entry.name != *b"INFO");
     if let Some(info) = entries.first().filter(|entry| entry.name == *b"INFO") {
         size_limits::check_info(info)?;
@@ -215,7 +279,7 @@ pub(super) fn read_sections(
             got if got == entry.checksum => Ok(()),
             got => Err(fault(format!("checksum: expected {:016x}, got {got:016x}", entry.checksum))),
         };
-        sections.offsets.insert(entry.name, entry.offset);
+        sections.offsets.insert((entry.name, entry.chunk), entry.offset);
         if let (Some(map), Some(place)) = (&sections.map, place_in(sections.map.as_ref(), entry)) {
             is_right(&map.bytes()[place.clone()])?;
             sections.mapped.insert(entry.name, place);
@@ -223,7 +287,7 @@ pub(super) fn read_sections(
             let stored = read_at(file, entry.offset, entry.stored, entry.name)?;
             is_right(&stored)?;
             let bytes = codec::decode(stored, entry.encoding, entry.decoded, job)?.map_err(fault)?;
-            if entry.name == *b"INFO" {
+            if entry.name == *b"INFO" && entry.chunk.is_none() {
                 // The error quotes the file.
                 let info: Info = serde_json::from_slice(&bytes)
                     .map_err(|e| sections.fault(*b"INFO", one_line(&format!("JSON: {e}"))))?;
@@ -232,7 +296,7 @@ pub(super) fn read_sections(
                 let is_decoded = |entry: &&Entry| place_in(sections.map.as_ref(), entry).is_none();
                 size_limits::check_memory(entries[i + 1..].iter().copied().filter(is_decoded))?;
             } else {
-                sections.decoded.insert(entry.name, bytes);
+                sections.decoded.insert((entry.name, entry.chunk), bytes);
             }
         }
         job.advance(entry.stored);

@@ -1,36 +1,38 @@
 //! Stores a volume as its voxels, piece by piece, and reads it back. This is the smallest file; it holds no boxes.
 //!
 //! ```text
-//! write: volume ─► non-empty pieces of 1024³ voxels ─► one stream each ([`super::voxel_coder`])    PIEC  origins, lengths    VOXL  streams
+//! write: volume ─► chunks of 1024³ voxels ─► one stream each ([`super::voxel_coder`])    PIEC  origins    VOXL  the stream of each
 //! read:  streams ─► parts, as in compression ─► the same volume, because its form is canonical
 //! ```
 //! Opening compresses the voxels again, so its time depends on the number of voxels, not of boxes. The file stores neither voxel counts nor
 //! contacts: compression yields the counts, and decoding finds the contacts when it compares neighbours.
 
-use std::collections::BTreeSet;
 use std::io::{Read, Seek};
+use std::sync::OnceLock;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 
 use rayon::prelude::*;
 
 use super::check;
-use super::format_error::{FormatError, Stop};
+use super::format_error::Stop;
 use super::layout::Layout;
 use super::sections::{info_of, read_sections};
 use super::slices::SLAB;
 use super::voxel_coder::{VoxelDecoder, VoxelEncoder};
 use crate::compress::volume_of_parts;
+use crate::finish::Known;
 use crate::memory::available_bytes;
+use crate::reserve::reserved;
 use crate::sorted_cells::SortedCells;
 use crate::store::PartStore;
 use crate::volume::CHUNK_CELLS;
 use crate::{CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelTable, Result, morton};
 
 /// Bytes of an entry of `PIEC`.
-const PIECE_BYTES: usize = 24;
+const PIECE_BYTES: usize = 16;
 
 /// Size in voxels of the piece at `origin`.
-fn piece_dims(volume_dims: [u32; 3], origin: [u32; 3]) -> [u32; 3] {
+pub(super) fn piece_dims(volume_dims: [u32; 3], origin: [u32; 3]) -> [u32; 3] {
     [0, 1, 2].map(|a| CHUNK_VOXELS.min(volume_dims[a] - origin[a]))
 }
 
@@ -38,21 +40,12 @@ fn morton_of(origin: [u32; 3]) -> u64 {
     morton::encode(origin.map(|o| o / 4)) / CHUNK_CELLS
 }
 
-/// Encodes the sections `PIEC` and `VOXL`.
+/// Encodes the section `VOXL` of each chunk.
 ///
 /// # Errors
 /// [`Error::Cancelled`]; [`Error::Caller`] when two labels claim one voxel.
-pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2]> {
-    let mut codes = BTreeSet::new();
-    volume.for_each_box(|_, b| {
-        // A box may extend into the next chunk along each axis, and past the volume's end by a few voxels.
-        let (low, high) = b.voxel_bounds();
-        for corner in 0..8u32 {
-            codes.insert(morton_of([0, 1, 2].map(|a| if corner >> a & 1 == 0 { low[a] } else { high[a] })));
-        }
-    });
-    let pieces: Vec<[u32; 3]> =
-        codes.into_iter().map(|code| morton::decode(code * CHUNK_CELLS).map(|c| 4 * c)).collect();
+pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<Vec<Vec<u8>>> {
+    let pieces: Vec<[u32; 3]> = volume.chunks.iter().map(|chunk| chunk.origin).collect();
     let voxels =
         |&origin: &[u32; 3]| piece_dims(volume.info.dims, origin).map(u64::from).iter().product::<u64>();
     job.begin(pieces.iter().map(voxels).sum());
@@ -83,11 +76,7 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<[Vec<u8>; 2
         );
         return Err(Error::Caller(what));
     }
-    let table = pieces.iter().zip(&streams).flat_map(|(origin, stream)| {
-        let origin = origin.iter().flat_map(|o| o.to_le_bytes());
-        origin.chain([0; 4]).chain((stream.len() as u64).to_le_bytes()).collect::<Vec<u8>>()
-    });
-    Ok([table.collect(), streams.concat()])
+    Ok(streams)
 }
 
 /// Reads a file of voxels; the caller compares the content hash.
@@ -115,76 +104,70 @@ pub(super) fn read_voxels(
 
     let table = sections.elements(b"PIEC", |b: [u8; PIECE_BYTES]| {
         let number = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
-        ([number(0), number(4), number(8)], u64::from(number(16)) | u64::from(number(20)) << 32)
+        [number(0), number(4), number(8)]
     })?;
-    let streams = sections.take(b"VOXL")?;
-    let pieces = pieces_of(&table, &streams, head.info.dims)
-        .map_err(|(section, what)| sections.fault(section, what))?;
+    check_origins(&table, head.info.dims).map_err(|what| sections.fault(*b"PIEC", what))?;
+    let mut pieces: Vec<Piece> = reserved(table.len(), "a section of the file").map_err(Error::from)?;
+    for (i, &origin) in (0..).zip(&table) {
+        let stream = sections.take_of(b"VOXL", Some(i))?;
+        pieces.push(Piece { origin, dims: piece_dims(head.info.dims, origin), stream });
+    }
+    sections.expect_none_left()?;
 
     let number = head.labels.len() as u32;
-    let fault = |what: String| {
-        let (section, at) = (*b"VOXL", sections.offset(b"VOXL"));
-        Stop::Fault(FormatError { section, at, what })
-    };
+    let fault = |what: String| sections.fault(*b"VOXL", what);
     // A stream of a few bytes can stand for any number of records, so they are kept in memory only up to a part of what is free.
-    let store = PartStore::new(available_bytes().map(|free| free / 4), std::env::temp_dir());
+    let folder = std::env::temp_dir();
+    let store = PartStore::new(available_bytes().map_or(u64::MAX, |free| free / 4), None, &folder);
     let dims = head.info.dims;
     job.begin(pieces.iter().map(|p| p.dims.map(u64::from).iter().product::<u64>()).sum());
-    let decode = |piece: &Piece<'_>| {
+    let decode = |piece: &Piece| {
         let size = [piece.dims[0], piece.dims[1]].map(|n| n as usize);
-        let stream = VoxelDecoder::new(size, number, piece.stream);
+        let stream = VoxelDecoder::new(size, number, &piece.stream);
         decode_piece(piece, stream, dims, number, &store, &fault, job)
     };
     let touching: Vec<Vec<u64>> = pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
     let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
-    let mut volume =
-        volume_of_parts(info, store, None, Some(touching.concat()), &CompressOptions::default(), job)?;
+    let known = Known { labelled: None, touching: Some(touching.concat()) };
+    let parts = store.into_parts()?;
+    let mut volume = volume_of_parts(info, parts, &known, &CompressOptions::default(), &folder, job)?;
     // In the new volume, the id of each label is its dense index plus 1.
     if volume.labels.len() != head.labels.len() {
         let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
         return Err(fault(what));
     }
+    // Its content hash is that of a volume with these ids.
+    volume.hash = OnceLock::new();
     let made = std::mem::take(&mut volume.labels);
     volume.labels = LabelTable { voxels: made.voxels, contacts: made.contacts, ..head.labels };
     Ok(volume)
 }
 
-/// A piece of the volume and its stream.
-struct Piece<'a> {
+/// What a chunk has of the volume, and its stream.
+struct Piece {
     origin: [u32; 3],
     dims: [u32; 3],
-    stream: &'a [u8],
+    stream: Vec<u8>,
 }
 
-fn pieces_of<'a>(
-    table: &[([u32; 3], u64)],
-    mut streams: &'a [u8],
-    dims: [u32; 3],
-) -> std::result::Result<Vec<Piece<'a>>, ([u8; 4], String)> {
-    let mut pieces: Vec<Piece<'_>> = Vec::with_capacity(table.len());
-    for (i, &(origin, bytes)) in table.iter().enumerate() {
+/// Returns an error unless the pieces' origins rise within a volume of `dims` voxels.
+fn check_origins(table: &[[u32; 3]], dims: [u32; 3]) -> std::result::Result<(), String> {
+    let mut before = None;
+    for (i, &origin) in table.iter().enumerate() {
         let inside = (0..3).all(|a| origin[a].is_multiple_of(CHUNK_VOXELS) && origin[a] < dims[a]);
         // Only an origin inside the volume is sure to have a Morton code.
-        let rises = || pieces.last().is_none_or(|before| morton_of(before.origin) < morton_of(origin));
-        if !inside || !rises() {
-            let what = format!("piece {i}: expected a rising origin in {dims:?} voxels, got {origin:?}");
-            return Err((*b"PIEC", what));
+        let code = inside.then(|| morton_of(origin));
+        if code.is_none() || code <= before {
+            return Err(format!("piece {i}: expected a rising origin in {dims:?} voxels, got {origin:?}"));
         }
-        let stream = usize::try_from(bytes).ok().and_then(|n| streams.split_off(..n));
-        let stream = stream.ok_or_else(|| {
-            (*b"PIEC", format!("piece {i}: expected at most the bytes that are left of VOXL, got {bytes}"))
-        })?;
-        pieces.push(Piece { origin, dims: piece_dims(dims, origin), stream });
+        before = code;
     }
-    match streams.len() {
-        0 => Ok(pieces),
-        rest => Err((*b"VOXL", format!("expected the end after the last piece, got {rest} more bytes"))),
-    }
+    Ok(())
 }
 
 /// Decodes a piece's voxels to parts in `store`; returns the pairs of labels that touch in it.
 fn decode_piece(
-    piece: &Piece<'_>,
+    piece: &Piece,
     mut stream: VoxelDecoder<'_>,
     volume_dims: [u32; 3],
     labels: u32,
@@ -229,11 +212,8 @@ mod tests {
     #[test]
     fn pieces_must_rise_within_the_volume() {
         let dims = [2000, 5, 5];
-        let pieces = |origins: &[[u32; 3]]| {
-            let table: Vec<_> = origins.iter().map(|&o| (o, 0)).collect();
-            pieces_of(&table, &[], dims).map(|pieces| pieces.len()).map_err(|(_, what)| what)
-        };
-        assert_eq!(pieces(&[[0; 3], [1024, 0, 0]]), Ok(2));
+        let pieces = |origins: &[[u32; 3]]| check_origins(origins, dims);
+        assert_eq!(pieces(&[[0; 3], [1024, 0, 0]]), Ok(()));
         let later = [[7, 0, 0], [0; 3], [2048, 0, 0], [1 << 30, 0, 0]];
         for wrong in later.map(|second| pieces(&[[0; 3], second])) {
             assert!(wrong.is_err_and(|what| what.contains("piece 1: expected a rising origin")));

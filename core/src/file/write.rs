@@ -1,14 +1,15 @@
 //! Writes a volume to a file.
 
+use std::borrow::Cow;
 use std::io::Write;
 use std::path::Path;
 
 use rayon::prelude::*;
 use serde::Serialize;
 
-use super::layout::{Contents, ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, align, section_checksum};
+use super::layout::{Contents, ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, align};
 use super::{codec, nodes, voxel_pieces};
-use crate::{CompressedVolume, Error, Job, Result, VolumeInfo, WrittenFile};
+use crate::{Chunk, CompressedVolume, Error, Job, Result, VolumeInfo, WrittenFile};
 
 /// How much time to spend to make the file small. All levels store the same volume.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -24,7 +25,7 @@ pub enum CompressionLevel {
 }
 
 impl CompressionLevel {
-    fn zstd(self) -> i32 {
+    pub(super) fn zstd(self) -> i32 {
         match self {
             Self::Fast => 0,
             Self::Default => 9,
@@ -84,90 +85,66 @@ impl CompressedVolume {
         level: CompressionLevel,
         job: &Job,
     ) -> Result<(Layout, Vec<Vec<u8>>)> {
-        let columns = self.labels.columns.iter().map(|c| c.name.as_str()).collect();
-        let info = Info { volume: &self.info, types: &self.labels.type_names, columns };
-        let info = serde_json::to_vec(&info)
-            .map_err(|e| Error::Caller(format!("the volume's notes cannot be written as JSON: {e}")))?;
-        let numbers: Vec<f64> = self.labels.columns.iter().flat_map(|c| &c.values).copied().collect();
-        let chunks: Vec<u8> = self
-            .chunks
-            .iter()
-            .flat_map(|c| {
-                let origin = c.origin.iter().flat_map(|v| v.to_le_bytes());
-                let starts = [c.first_box, c.first_run, c.node_base].into_iter().flat_map(u64::to_le_bytes);
-                origin.chain([0; 4]).chain(starts).collect::<Vec<u8>>()
-            })
-            .collect();
-        let streams = match level {
-            CompressionLevel::Default => nodes::split(&self.chunks, &self.boxes, &self.nodes, &self.leaves),
-            CompressionLevel::Fast | CompressionLevel::Small => nodes::Streams::default(),
+        let head = head_sections(self, level)?;
+        let number = |chunk: usize| chunk as u32;
+        let streams: Vec<nodes::Streams> = match level {
+            CompressionLevel::Default => (0..self.chunks.len())
+                .into_par_iter()
+                .map(|c| {
+                    let nodes = &self.nodes[self.node_range(c)];
+                    nodes::split(&self.boxes[self.box_range(c)], nodes, &self.leaves[c])
+                })
+                .collect(),
+            CompressionLevel::Fast | CompressionLevel::Small => Vec::new(),
         };
-        let [pieces, voxels] = if level == CompressionLevel::Small {
-            voxel_pieces::encode(self, job)?
-        } else {
-            Default::default()
+        let voxels = match level {
+            CompressionLevel::Small => voxel_pieces::encode(self, job)?,
+            CompressionLevel::Fast | CompressionLevel::Default => Vec::new(),
         };
 
-        // Name, bytes, filters (width, delta, planes) of each section.
-        type Plan<'a> = ([u8; 4], &'a [u8], (u8, bool, bool));
-        const PLAIN: (u8, bool, bool) = (1, false, false);
-        let mut plan: Vec<Plan<'_>> = vec![
-            (*b"INFO", &info, PLAIN),
-            (*b"LIDS", bytemuck::cast_slice(&self.labels.ids), (8, true, true)),
-            (*b"LTYP", bytemuck::cast_slice(&self.labels.types), PLAIN),
-        ];
+        // Name, chunk, bytes and filters of each section.
+        type Plan<'a> = ([u8; 4], Option<u32>, &'a [u8], Filters);
+        let mut plan: Vec<Plan<'_>> =
+            head.iter().map(|(name, bytes, filters)| (*name, None, &bytes[..], *filters)).collect();
         if level == CompressionLevel::Small {
-            plan.extend([(*b"PIEC", &pieces[..], PLAIN), (*b"VOXL", &voxels[..], PLAIN)]);
+            let of_chunk = |(c, voxels)| (*b"VOXL", Some(number(c)), voxels, PLAIN);
+            plan.extend(voxels.iter().map(Vec::as_slice).enumerate().map(of_chunk));
         } else {
-            plan.extend([
-                (*b"CHNK", &chunks[..], PLAIN),
-                (*b"RUNS", bytemuck::cast_slice(&self.runs), (8, true, true)),
-                (*b"LVOX", bytemuck::cast_slice(&self.labels.voxels), (8, false, true)),
-                (*b"LCON", &self.labels.contacts.bytes, PLAIN),
-                (*b"LEAF", bytemuck::cast_slice(&self.leaves.patterns), (8, false, true)),
-                (*b"SLIC", bytemuck::cast_slice(&self.leaves.slices), PLAIN),
-                (*b"RARE", bytemuck::cast_slice(&self.leaves.rare), (8, true, true)),
-            ]);
+            if level == CompressionLevel::Fast {
+                plan.extend([
+                    (*b"BOXS", None, bytemuck::cast_slice(&self.boxes), PLAIN),
+                    (*b"NODE", None, bytemuck::cast_slice(&self.nodes), PLAIN),
+                ]);
+            }
+            for (c, leaves) in self.leaves.iter().enumerate() {
+                let (chunk, runs) = (Some(number(c)), &self.runs[self.run_range(c)]);
+                plan.extend([
+                    (*b"RUNS", chunk, bytemuck::cast_slice(runs), (8, true, true)),
+                    (*b"LEAF", chunk, bytemuck::cast_slice(&leaves.patterns), (8, false, true)),
+                    (*b"SLIC", chunk, bytemuck::cast_slice(&leaves.slices), PLAIN),
+                    (*b"RARE", chunk, bytemuck::cast_slice(&leaves.rare), (8, true, true)),
+                ]);
+                if let Some(streams) = streams.get(c) {
+                    plan.extend([
+                        (*b"BCEL", chunk, &streams.cells[..], (3, true, true)),
+                        (*b"BNOD", chunk, &streams.backs, PLAIN),
+                        (*b"OCCU", chunk, &streams.occupied, PLAIN),
+                        (*b"CLAS", chunk, &streams.classes, PLAIN),
+                        (*b"REFS", chunk, &streams.references[0], PLAIN),
+                        (*b"SLCR", chunk, &streams.references[1], PLAIN),
+                        (*b"FLDS", chunk, &streams.references[2], PLAIN),
+                    ]);
+                }
+            }
         }
-        match level {
-            CompressionLevel::Small => {}
-            CompressionLevel::Fast => plan.extend([
-                (*b"BOXS", bytemuck::cast_slice(&self.boxes), PLAIN),
-                (*b"NODE", bytemuck::cast_slice(&self.nodes), PLAIN),
-            ]),
-            CompressionLevel::Default => plan.extend([
-                (*b"BCEL", &streams.cells[..], (3, true, true)),
-                (*b"BNOD", &streams.backs, PLAIN),
-                (*b"OCCU", &streams.occupied, PLAIN),
-                (*b"CLAS", &streams.classes, PLAIN),
-                (*b"REFS", &streams.references[0], PLAIN),
-                (*b"SLCR", &streams.references[1], PLAIN),
-                (*b"FLDS", &streams.references[2], PLAIN),
-            ]),
-        }
-        // Volumes without columns of numbers have no such section, so their files are those that were written before there were columns.
-        if !self.labels.columns.is_empty() {
-            plan.push((*b"LCOL", bytemuck::cast_slice(&numbers), (8, false, true)));
-        }
-        job.begin(plan.iter().map(|p| p.1.len() as u64).sum());
+        job.begin(plan.iter().map(|p| p.2.len() as u64).sum());
         let sections: Vec<(Entry, Vec<u8>)> = plan
             .into_par_iter()
-            .map(|(name, bytes, (width, delta, planes))| {
-                // Coded voxels cannot be compressed any further.
-                let packed = level != CompressionLevel::Fast && name != *b"VOXL";
-                let encoding =
-                    Encoding { zstd: packed, width, delta: packed && delta, planes: packed && planes };
+            .map(|(name, chunk, bytes, filters)| {
+                let encoding = encoding_of(name, filters, level);
                 let stored = codec::encode(bytes, encoding, level.zstd(), job)?;
                 job.advance(bytes.len() as u64);
-                let entry = Entry {
-                    name,
-                    encoding,
-                    offset: 0,
-                    stored: stored.len() as u64,
-                    decoded: bytes.len() as u64,
-                    checksum: section_checksum(&stored),
-                };
-                Ok((entry, stored))
+                Ok((Entry::of_stored(name, chunk, encoding, &stored, bytes.len() as u64), stored))
             })
             .collect::<Result<_>>()?;
 
@@ -181,4 +158,64 @@ impl CompressedVolume {
         let content_hash = self.content_hash();
         Ok((Layout { contents, file_bytes: align(end), content_hash, entries }, sections))
     }
+}
+
+/// Filters of a section: width of its elements in bytes, delta, planes.
+pub(super) type Filters = (u8, bool, bool);
+
+/// No filters.
+pub(super) const PLAIN: Filters = (1, false, false);
+
+/// How a section is encoded at a level.
+pub(super) fn encoding_of(
+    name: [u8; 4],
+    (width, delta, planes): Filters,
+    level: CompressionLevel,
+) -> Encoding {
+    // Coded voxels cannot be compressed any further.
+    let packed = level != CompressionLevel::Fast && name != *b"VOXL";
+    Encoding { zstd: packed, width, delta: packed && delta, planes: packed && planes }
+}
+
+/// A section of the volume, not encoded: its name, its bytes and its filters.
+pub(super) type HeadSection<'a> = ([u8; 4], Cow<'a, [u8]>, Filters);
+
+/// The sections of a volume as a whole, apart from boxes and nodes.
+pub(super) fn head_sections(
+    volume: &CompressedVolume,
+    level: CompressionLevel,
+) -> Result<Vec<HeadSection<'_>>> {
+    let labels = &volume.labels;
+    let columns = labels.columns.iter().map(|c| c.name.as_str()).collect();
+    let info = Info { volume: &volume.info, types: &labels.type_names, columns };
+    let info = serde_json::to_vec(&info)
+        .map_err(|e| Error::Caller(format!("the volume's notes cannot be written as JSON: {e}")))?;
+    let mut sections: Vec<HeadSection<'_>> = vec![
+        (*b"INFO", info.into(), PLAIN),
+        (*b"LIDS", bytemuck::cast_slice(&labels.ids).into(), (8, true, true)),
+        (*b"LTYP", bytemuck::cast_slice(&labels.types).into(), PLAIN),
+    ];
+    // Volumes without columns of numbers have no such section.
+    if !labels.columns.is_empty() {
+        let numbers: Vec<u8> =
+            labels.columns.iter().flat_map(|c| &c.values).flat_map(|v| v.to_le_bytes()).collect();
+        sections.push((*b"LCOL", numbers.into(), (8, false, true)));
+    }
+    let origin = |c: &Chunk| c.origin.into_iter().chain([0]).flat_map(u32::to_le_bytes).collect::<Vec<u8>>();
+    if level == CompressionLevel::Small {
+        let pieces: Vec<u8> = volume.chunks.iter().flat_map(origin).collect();
+        sections.push((*b"PIEC", pieces.into(), PLAIN));
+        return Ok(sections);
+    }
+    let chunk = |c: &Chunk| {
+        let starts = [c.first_box, c.first_run, c.node_base].into_iter().flat_map(u64::to_le_bytes);
+        origin(c).into_iter().chain(starts).collect::<Vec<u8>>()
+    };
+    let chunks: Vec<u8> = volume.chunks.iter().flat_map(chunk).collect();
+    sections.extend([
+        (*b"LVOX", bytemuck::cast_slice(&labels.voxels).into(), (8, false, true)),
+        (*b"LCON", (&labels.contacts.bytes[..]).into(), PLAIN),
+        (*b"CHNK", chunks.into(), PLAIN),
+    ] as [HeadSection<'_>; 3]);
+    Ok(sections)
 }

@@ -2,9 +2,10 @@
 
 use glam::{DAffine3, DMat3, DVec3};
 use pumice_scene::{
-    Adaptive, Aperture, AxisOrder, Camera, Cut, CutShape, Environment, Film, Filter, Instance, LabelGroup,
-    LabelGroups, LabelStyle, Light, LightShape, Lod, Material, Mesh, Mode, Outline, Passes, Projection,
-    RawVoxels, Reading, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun, ViewTransform, World,
+    AbsentChunks, Adaptive, Aperture, AxisOrder, Camera, Cut, CutShape, Environment, Film, Filter, Instance,
+    LabelGroup, LabelGroups, LabelStyle, LevelOfFile, Light, LightShape, Lod, Material, Mesh, Mode, Outline,
+    Passes, Projection, RawVoxels, Reading, SCENE_VERSION, Scene, SensorFit, Settings, Show, Sun,
+    ViewTransform, World,
 };
 
 pub(crate) fn full_scene() -> Scene {
@@ -45,6 +46,12 @@ pub(crate) fn full_scene() -> Scene {
                 big_endian: true,
                 offset: 352,
             }),
+            scale: Some(LevelOfFile::Size([8.0, 8.0, 4.5])),
+            roi: Some([[Some(1), None], [None, Some(7)], [Some(0), Some(5)]]),
+            label: Some("nuclei".into()),
+            dataset: Some("main/labels".into()),
+            missing_chunks: Some(AbsentChunks::Error),
+            relabel: Some("segments.csv".into()),
         },
         world_from_index: DAffine3::from_mat3_translation(
             DMat3::from_diagonal(DVec3::new(-0.5, 0.25, 2.0)),

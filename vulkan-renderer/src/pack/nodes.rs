@@ -7,7 +7,7 @@
 //! ```
 
 use pumice_core::reserve::reserved;
-use pumice_core::{CompressedVolume, NoMemory};
+use pumice_core::{CompressedVolume, Leaves, NoMemory};
 
 /// The nodes of the wanted labels.
 #[derive(Debug, Default)]
@@ -88,29 +88,55 @@ impl PackedNodes {
         Ok(words)
     }
 
-    /// The leaves, in this order: words of a long reference, byte offset of the patterns, byte offset of the rare fields, 0 (4 bytes each);
-    /// slices (2 bytes each); patterns, rare fields (8 bytes each, at multiples of 8).
-    pub fn leaves(volume: &CompressedVolume) -> Vec<u8> {
-        let leaves = volume.leaves();
-        let slices: Vec<u16> = leaves.slices().iter().copied().chain([0; 3]).collect();
-        let slices = &slices[..slices.len() / 4 * 4];
-        let patterns = 16 + 2 * slices.len();
-        let rare = patterns + 8 * leaves.patterns().len();
-        // There are at most 8192 slices and patterns, so 32 bits suffice.
-        let header = [leaves.long_words() as u32, patterns as u32, rare as u32, 0];
-        [
-            bytemuck::cast_slice(&header),
-            bytemuck::cast_slice(slices),
-            bytemuck::cast_slice(leaves.patterns()),
-            bytemuck::cast_slice(leaves.rare()),
-        ]
-        .concat()
+    /// The leaves of all chunks, one after another at multiples of 16. Each has, in this order: words of a long reference, byte offset of
+    /// the patterns, byte offset of the rare fields, 0 (4 bytes each); slices (2 bytes each); patterns, rare fields (8 bytes each, at
+    /// multiples of 8). Offsets count from the chunk's own leaves.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn leaves(volume: &CompressedVolume) -> Result<Vec<u8>, NoMemory> {
+        let bytes = volume.leaves().iter().map(bytes_of_leaves).sum();
+        let mut all: Vec<u8> = reserved(bytes, "the leaves of a volume for the device")?;
+        for leaves in volume.leaves() {
+            let end = all.len() + bytes_of_leaves(leaves);
+            let [slices, patterns, rare] = places_of_leaves(leaves);
+            // There are at most 8192 slices and patterns, so 32 bits suffice.
+            let header = [leaves.long_words() as u32, patterns as u32, rare as u32, 0];
+            let first = all.len();
+            all.extend_from_slice(bytemuck::cast_slice(&header));
+            all.extend_from_slice(bytemuck::cast_slice(leaves.slices()));
+            debug_assert_eq!(slices, size_of_val(&header));
+            all.resize(first + patterns, 0);
+            all.extend_from_slice(bytemuck::cast_slice(leaves.patterns()));
+            all.extend_from_slice(bytemuck::cast_slice(leaves.rare()));
+            all.resize(end, 0);
+        }
+        Ok(all)
     }
+
+    /// Byte offset of a chunk's leaves in [`PackedNodes::leaves`].
+    pub(super) fn leaves_of_chunk(volume: &CompressedVolume, chunk: usize) -> u64 {
+        volume.leaves()[..chunk].iter().map(|leaves| bytes_of_leaves(leaves) as u64).sum()
+    }
+}
+
+/// Byte offsets of slices, patterns and rare fields from the start of a chunk's leaves.
+fn places_of_leaves(leaves: &Leaves) -> [usize; 3] {
+    let slices = 16;
+    let patterns = (slices + size_of_val(leaves.slices())).next_multiple_of(8);
+    [slices, patterns, patterns + size_of_val(leaves.patterns())]
+}
+
+/// Bytes of a chunk's leaves on the device, a multiple of 16.
+fn bytes_of_leaves(leaves: &Leaves) -> usize {
+    let [.., rare] = places_of_leaves(leaves);
+    (rare + size_of_val(leaves.rare())).next_multiple_of(16)
 }
 
 /// Length in words of the node at a word of the volume.
 fn length(volume: &CompressedVolume, word: u64) -> usize {
-    pumice_core::NodeRef::read(volume.nodes(), word as usize, volume.leaves()).words()
+    let chunk = volume.chunks().partition_point(|c| c.node_base <= word) - 1;
+    pumice_core::NodeRef::read(volume.nodes(), word as usize, &volume.leaves()[chunk]).words()
 }
 
 /// Chunk, label and box range of each run of a volume.

@@ -1,0 +1,358 @@
+//! Writes a volume to a file while it is compressed: what is finished of a chunk goes to disk, and memory holds one chunk at a time.
+//!
+//! ```text
+//! finished chunk ─► its sections, encoded ─► body (scratch file)
+//!                └► plain form: boxes, nodes ─► scratch file
+//! at the end:       header, table, sections of the volume, [boxes, nodes,] body ─► the file, under a temporary name until it is whole
+//! ```
+//! The bytes are those that [`CompressedVolume::save`] writes of the same volume.
+
+use std::io::Write;
+use std::path::Path;
+
+use xxhash_rust::xxh3::Xxh3;
+
+use super::codec;
+use super::layout::{Contents, ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, align, section_checksum};
+use super::nodes::{REFERENCES, Splitter};
+use super::slices::SLAB;
+use super::voxel_coder::VoxelEncoder;
+use super::voxel_pieces::piece_dims;
+use super::write::{Filters, PLAIN, head_sections};
+use crate::chunk_boxes::ChunkBoxes;
+use crate::chunk_nodes::ChunkNodes;
+use crate::finish::{Budget, ChunkSink, Finished, Known, finish};
+use crate::layers::SIDE;
+use crate::reserve::{make_room, zeroed};
+use crate::spool::{Scratch, Spool};
+use crate::store::StoredParts;
+use crate::{Chunk, CompressedVolume, CompressionLevel, Error, Job, Result, VolumeInfo, WrittenFile};
+
+/// What was written, and what it takes in memory once it is opened.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct WrittenVolume {
+    /// Voxels along x, y, z.
+    pub dims: [u32; 3],
+    /// Number of labels, without the background.
+    pub labels: u64,
+    /// Number of boxes.
+    pub boxes: u64,
+    /// Bytes of the volume in memory.
+    pub bytes_volume: u64,
+    /// Bytes of the file.
+    pub bytes_disk: u64,
+}
+
+/// Bytes that are copied or compressed at once; the same as where a section is in memory, so that zstd gives the same bytes.
+const PIECE: usize = codec::PIECE;
+
+/// Takes chunks and encodes their sections.
+struct FileSink<'a> {
+    level: CompressionLevel,
+    dims: [u32; 3],
+    labels: u32,
+    /// Sections of chunks, each at a multiple of 8; the offsets of `entries` count from the first.
+    body: Spool<'a>,
+    entries: Vec<Entry>,
+    boxes: Spool<'a>,
+    nodes: Spool<'a>,
+    chunks: Vec<Chunk>,
+    boxes_so_far: u64,
+    runs_so_far: u64,
+    words: u64,
+    /// Bytes of the chunks' leaves in memory.
+    leaves_bytes: u64,
+    scratch: &'a Scratch,
+    stream_bytes: u64,
+}
+
+/// Appends to the body what an encoder writes.
+struct ToBody<'s, 'a> {
+    body: &'s mut Spool<'a>,
+    hash: Xxh3,
+    failure: Option<Error>,
+}
+
+impl Write for ToBody<'_, '_> {
+    fn write(&mut self, bytes: &[u8]) -> std::io::Result<usize> {
+        self.hash.update(bytes);
+        match self.body.write(bytes) {
+            Ok(()) => Ok(bytes.len()),
+            Err(error) => {
+                self.failure = Some(error);
+                Err(std::io::ErrorKind::Other.into())
+            }
+        }
+    }
+    fn flush(&mut self) -> std::io::Result<()> {
+        Ok(())
+    }
+}
+
+impl<'a> FileSink<'a> {
+    fn pad(&mut self) -> Result<()> {
+        let end = self.body.len();
+        self.body.write(&[0; 8][..(align(end) - end) as usize])
+    }
+
+    /// Encodes a section of the last chunk that is in memory.
+    fn section(&mut self, name: [u8; 4], bytes: &[u8], filters: Filters, job: &Job) -> Result<()> {
+        let encoding = super::write::encoding_of(name, filters, self.level);
+        let stored = codec::encode(bytes, encoding, self.level.zstd(), job)?;
+        let (offset, chunk) = (self.body.len(), Some(self.chunks.len() as u32 - 1));
+        self.body.write(&stored)?;
+        let checksum = section_checksum(&stored);
+        let (stored, decoded) = (stored.len() as u64, bytes.len() as u64);
+        self.entries.push(Entry { name, chunk, encoding, offset, stored, decoded, checksum });
+        self.pad()
+    }
+
+    /// Encodes a section of the last chunk that need not be in memory; it has no filters.
+    fn long_section(&mut self, name: [u8; 4], spool: &Spool<'_>, job: &Job) -> Result<()> {
+        let encoding: Encoding = super::write::encoding_of(name, PLAIN, self.level);
+        let (offset, chunk) = (self.body.len(), Some(self.chunks.len() as u32 - 1));
+        let mut to = ToBody { body: &mut self.body, hash: Xxh3::new(), failure: None };
+        let mut reader = spool.reader();
+        let done =
+            codec::encode_from(spool.len(), |piece| reader.read(piece), self.level.zstd(), &mut to, job);
+        if let Some(error) = to.failure {
+            return Err(error);
+        }
+        done?;
+        let checksum = to.hash.digest();
+        let stored = self.body.len() - offset;
+        self.entries.push(Entry { name, chunk, encoding, offset, stored, decoded: spool.len(), checksum });
+        self.pad()
+    }
+
+    /// The stream of a chunk's voxels.
+    fn voxels(&self, origin: [u32; 3], boxes: &ChunkBoxes<'_>, job: &Job) -> Result<Vec<u8>> {
+        let [w, h, d] = piece_dims(self.dims, origin).map(|n| n as usize);
+        let mut encoder = VoxelEncoder::new([w, h], self.labels);
+        let mut slab: Vec<u32> = zeroed(w * h * SLAB, "the voxels of a slab")?;
+        for z in (0..d).step_by(SLAB) {
+            job.check()?;
+            let layer = boxes.layers.load(z / SLAB)?;
+            slab.fill(0);
+            for position in 0..if layer.is_empty() { 0 } else { SIDE * SIDE } {
+                for &(label, mut mask) in layer.at(position) {
+                    let corner = 4 * (position % SIDE) + w * 4 * (position / SIDE);
+                    while mask != 0 {
+                        let v = mask.trailing_zeros() as usize;
+                        slab[corner + (v & 3) + w * (v >> 2 & 3) + w * h * (v >> 4)] = label + 1;
+                        mask &= mask - 1;
+                    }
+                }
+            }
+            slab.chunks_exact(w * h).take(d - z).for_each(|slice| encoder.slice(slice));
+        }
+        Ok(encoder.finish())
+    }
+}
+
+impl ChunkSink for FileSink<'_> {
+    fn chunk(&mut self, boxes: &ChunkBoxes<'_>, budget: &Budget, job: &Job) -> Result<()> {
+        let origin = boxes.cell.map(|c| 4 * c);
+        make_room(&mut self.chunks, 1, "a list of the chunks")?;
+        self.chunks.push(Chunk {
+            origin,
+            first_box: self.boxes_so_far,
+            first_run: self.runs_so_far,
+            node_base: self.words,
+        });
+        if self.level == CompressionLevel::Small {
+            let voxels = self.voxels(origin, boxes, job)?;
+            self.section(*b"VOXL", &voxels, PLAIN, job)?;
+        }
+        let chunk = ChunkNodes::new(boxes, budget, job)?;
+        if self.level != CompressionLevel::Small {
+            let (leaves, runs) = (&chunk.leaves, &boxes.runs[..]);
+            self.section(*b"RUNS", bytemuck::cast_slice(runs), (8, true, true), job)?;
+            self.section(*b"LEAF", bytemuck::cast_slice(leaves.patterns()), (8, false, true), job)?;
+            self.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
+            self.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)?;
+        }
+        self.boxes_so_far += u64::from(boxes.count);
+        self.runs_so_far += boxes.runs.len() as u64;
+        self.leaves_bytes += chunk.leaves.bytes();
+        let Self { boxes: plain_boxes, nodes: plain_nodes, level, .. } = self;
+        match level {
+            CompressionLevel::Small => self.words += chunk.for_each_batch(job, |_| Ok(()))?,
+            CompressionLevel::Fast => {
+                let words = chunk.for_each_batch(job, |batch| {
+                    plain_boxes.write(bytemuck::cast_slice(batch.records))?;
+                    plain_nodes.write(bytemuck::cast_slice(batch.nodes))
+                })?;
+                self.words += words;
+            }
+            CompressionLevel::Default => {
+                let scratch = self.scratch;
+                let room = self.stream_bytes;
+                let spool = || Spool::new(scratch, room);
+                let mut cells: Vec<u8> = Vec::new();
+                let [mut backs, mut occupied, mut classes] = [spool(), spool(), spool()];
+                let mut references = [spool(), spool(), spool()];
+                let mut splitter = Splitter::default();
+                let words = chunk.for_each_batch(job, |batch| {
+                    make_room(&mut cells, 3 * batch.records.len(), "a list of the boxes of the volume")?;
+                    splitter.cells(batch.records, &mut cells);
+                    backs.write(bytemuck::cast_slice(batch.backs))?;
+                    splitter.nodes(batch.nodes, &chunk.leaves);
+                    occupied.write(&std::mem::take(&mut splitter.occupied))?;
+                    classes.write(&splitter.take_classes())?;
+                    let written = splitter.references.iter_mut().zip(&mut references);
+                    written.into_iter().try_for_each(|(bytes, spool)| spool.write(&std::mem::take(bytes)))
+                })?;
+                classes.write(&splitter.last_classes())?;
+                self.words += words;
+                self.section(*b"BCEL", &cells, (3, true, true), job)?;
+                drop(cells);
+                for (name, spool) in [(*b"BNOD", &backs), (*b"OCCU", &occupied), (*b"CLAS", &classes)] {
+                    self.long_section(name, spool, job)?;
+                }
+                for (name, spool) in REFERENCES.into_iter().zip(&references) {
+                    self.long_section(*name, spool, job)?;
+                }
+            }
+        }
+        Ok(())
+    }
+}
+
+/// Finishes a volume into a file. `describe` may give names, types and numbers to the labels of a volume that has no boxes.
+///
+/// # Errors
+/// As [`finish`]; those of `describe`; [`Error::Io`] of the file.
+#[expect(clippy::too_many_arguments, reason = "each is another thing")]
+pub(crate) fn finish_into_file(
+    path: &Path,
+    level: CompressionLevel,
+    info: VolumeInfo,
+    parts: StoredParts,
+    known: &Known,
+    budget: &Budget,
+    describe: &mut (dyn FnMut(&mut CompressedVolume) -> Result<()> + Send),
+    job: &Job,
+) -> Result<WrittenVolume> {
+    let io = |source| Error::Io { path: path.to_owned(), source };
+    let mut written_volume = None;
+    // The temporary file comes first, so that a missing folder or permission shows before the work is done.
+    let written = WrittenFile::for_place(path, |file| -> Result<()> {
+        let scratch = Scratch::new(&budget.folder);
+        let spool = || Spool::new(&scratch, budget.share(32));
+        let mut sink = FileSink {
+            level,
+            dims: info.dims,
+            labels: parts.ids.len() as u32,
+            body: spool(),
+            entries: Vec::new(),
+            boxes: spool(),
+            nodes: spool(),
+            chunks: Vec::new(),
+            boxes_so_far: 0,
+            runs_so_far: 0,
+            words: 0,
+            leaves_bytes: 0,
+            scratch: &scratch,
+            stream_bytes: budget.share(64),
+        };
+        let mut volume = CompressedVolume::empty(info);
+        let Finished { labels, content_hash } =
+            finish(volume.info.dims, parts, known, budget, &mut sink, job)?;
+        volume.labels = labels;
+        describe(&mut volume)?;
+        let FileSink { body, mut entries, boxes, nodes, mut chunks, .. } = sink;
+        let FileSink { boxes_so_far, runs_so_far, words, leaves_bytes, .. } = sink;
+        chunks.shrink_to_fit();
+        volume.chunks = chunks;
+
+        // The sections of the volume, then its boxes and nodes in the plain form, then those of the chunks.
+        let mut head: Vec<(Entry, Vec<u8>)> = Vec::new();
+        for (name, bytes, filters) in head_sections(&volume, level)? {
+            let encoding = super::write::encoding_of(name, filters, level);
+            let stored = codec::encode(&bytes, encoding, level.zstd(), job)?;
+            head.push((Entry::of_stored(name, None, encoding, &stored, bytes.len() as u64), stored));
+        }
+        let mut arrays: Vec<(Entry, &Spool<'_>)> = Vec::new();
+        if level == CompressionLevel::Fast {
+            for (name, spool) in [(*b"BOXS", &boxes), (*b"NODE", &nodes)] {
+                let encoding = super::write::encoding_of(name, PLAIN, level);
+                let mut hash = Xxh3::new();
+                for_each_piece(spool, |piece| {
+                    hash.update(piece);
+                    job.check()
+                })?;
+                let (stored, checksum) = (spool.len(), hash.digest());
+                let entry =
+                    Entry { name, chunk: None, encoding, offset: 0, stored, decoded: stored, checksum };
+                arrays.push((entry, spool));
+            }
+        }
+        let count = head.len() + arrays.len() + entries.len();
+        let mut end = (HEADER_BYTES + ENTRY_BYTES * count) as u64;
+        let before = head.iter_mut().map(|(e, _)| e).chain(arrays.iter_mut().map(|(e, _)| e));
+        for entry in before {
+            entry.offset = align(end);
+            end = entry.offset + entry.stored;
+        }
+        let first = align(end);
+        for entry in &mut entries {
+            entry.offset += first;
+            end = entry.offset + entry.stored;
+        }
+        let contents = if level == CompressionLevel::Small { Contents::Voxels } else { Contents::Boxes };
+        let table: Vec<Entry> =
+            head.iter().map(|(e, _)| *e).chain(arrays.iter().map(|(e, _)| *e)).chain(entries).collect();
+        let layout = Layout { contents, file_bytes: align(end), content_hash, entries: table };
+
+        let mut written = 0u64;
+        let mut put = |bytes: &[u8]| -> Result<()> {
+            job.check()?;
+            written += bytes.len() as u64;
+            file.write_all(bytes).map_err(io)
+        };
+        put(&layout.to_bytes())?;
+        let padding = |length: u64| &[0u8; 8][..(align(length) - length) as usize];
+        for (entry, bytes) in &head {
+            bytes.chunks(PIECE).try_for_each(&mut put)?;
+            put(padding(entry.stored))?;
+        }
+        for (entry, spool) in &arrays {
+            for_each_piece(spool, &mut put)?;
+            put(padding(entry.stored))?;
+        }
+        for_each_piece(&body, &mut put)?;
+        debug_assert_eq!(written, layout.file_bytes);
+        // What the arrays of boxes take; the rest is counted as for any volume.
+        let arrays = 8 * boxes_so_far
+            + size_of::<crate::LabelRun>() as u64 * runs_so_far
+            + size_of::<crate::Leaves>() as u64 * volume.chunks.len() as u64
+            + 2 * words
+            + leaves_bytes;
+        let rest: u64 = volume.resident_parts().iter().map(|part| part.1).sum();
+        written_volume = Some(WrittenVolume {
+            dims: volume.info.dims,
+            labels: volume.labels.len() as u64,
+            boxes: boxes_so_far,
+            bytes_volume: arrays + rest,
+            bytes_disk: layout.file_bytes,
+        });
+        Ok(())
+    })?;
+    job.check()?;
+    written.appear(path)?;
+    written_volume.ok_or_else(|| io(std::io::ErrorKind::UnexpectedEof.into()))
+}
+
+/// Calls `visit` with the bytes of a spool, in pieces.
+fn for_each_piece(spool: &Spool<'_>, mut visit: impl FnMut(&[u8]) -> Result<()>) -> Result<()> {
+    let (mut reader, mut left) = (spool.reader(), spool.len());
+    let mut piece = vec![0; PIECE.min(left as usize)];
+    while left > 0 {
+        let n = left.min(PIECE as u64) as usize;
+        reader.read(&mut piece[..n])?;
+        visit(&piece[..n])?;
+        left -= n as u64;
+    }
+    Ok(())
+}
