@@ -146,7 +146,7 @@ impl Stability {
     }
 }
 
-/// Measures all cases and calls `watch` with each; `reduced` traces fewer rays and takes seconds.
+/// Measures all cases and calls `watch` with each; `reduced` traces fewer rays, leaves out crowds of lamps, and takes seconds.
 ///
 /// # Errors
 /// When the backend is unavailable or fails, or the job is cancelled.
@@ -176,7 +176,7 @@ pub fn measure_stability(
     all.rays = rays::measure(if reduced { 1_500 } else { 60_000 }, &mut tell)?;
     placements::measure(&mut studio, &mut tell)?;
     light::measure(&mut studio, &mut tell)?;
-    lamps::measure(&mut studio, &mut tell)?;
+    lamps::measure(&mut studio, reduced, &mut tell)?;
     emission::measure(&mut studio, &mut tell)?;
     refusals::measure(&mut studio, &mut tell)?;
     (all.backend, all.device) = studio.drawn_by();

@@ -146,7 +146,8 @@ def test_a_wrong_docstring_is_found():
     assert found("Draws with `spp=3` and `seed=4`.") == ["good: seed is no argument"]
     assert len(PUBLIC) > 90 and "Volume.contacts" in PUBLIC and "Job.cancel" in PUBLIC and "Mesh.save" in PUBLIC
     raw = {"raw_dims", "raw_type", "raw_big_endian", "raw_offset"}
-    assert arguments_of(pumice.open) == {"path", "labels", "mapped", "job", "layer", "time", "channel", "array", "axes", "spacing"} | raw
+    store = {"scale", "roi", "label", "dataset", "missing_chunks", "relabel"}
+    assert arguments_of(pumice.open) == {"path", "labels", "mapped", "job", "layer", "time", "channel", "array", "axes", "spacing"} | raw | store
     assert text_of(pumice.volume.MOST_FACES) == ""
 
 

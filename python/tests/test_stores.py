@@ -42,7 +42,9 @@ def test_levels_and_regions(store):
     asked = {c["keyword"]: c for c in pumice.probe(store)["choices"]}
     assert [v["value"] for v in asked["scale"]["values"]] == ["0", "1"] and asked["scale"]["assumed"] == "0"
     volume = pumice.compress(store, scale=1)
-    assert volume.verify(store, scale=1) is None and volume.verify(store, scale=0) is not None
+    assert volume.verify(store, scale=1) is None
+    with pytest.raises(pumice.InputError, match="expected 7 × 6 × 5 voxels, got 4 × 3 × 3"):
+        volume.verify(store, scale=0)
 
 
 def test_joined_ids(store, tmp_path):

@@ -10,7 +10,7 @@
 //! away took most samples from the sky, for 5 times the variance.
 //!
 //! Few lamps are weighed one after another, tens of them eight at a time, and hundreds are one light whose lamps a tree chooses among
-//! ([`Crowd`]).
+//! ([`lamp_tree.rs`](crate::lamp)).
 //!
 //! A lamp is not a surface: rays pass through it, and a ray that is scattered towards it finds it if it is nearer than the next hit.
 

@@ -26,7 +26,7 @@ pub(crate) fn pumice_with_labels(side: u32, bytes: usize) -> Vec<u8> {
         body.resize(body.len().next_multiple_of(8), 0);
     }
     let mut file = b"\x89PUMICE\n".to_vec();
-    file.extend([5u32, 0].map(u32::to_le_bytes).concat());
+    file.extend([6u32, 0].map(u32::to_le_bytes).concat());
     file.extend([(64 + table.len() + body.len()) as u64, 64].map(u64::to_le_bytes).concat());
     file.extend([2u32, 1].map(u32::to_le_bytes).concat());
     file.extend([0; 16]);
