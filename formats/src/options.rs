@@ -34,7 +34,7 @@ pub struct OpenOptions {
     pub dataset: Option<String>,
     /// What an absent chunk of a store means; the fill value if nothing is given.
     pub missing_chunks: Option<MissingChunks>,
-    /// Table of pairs of ids: what has the first id gets the second. See [`crate::relabel`].
+    /// Table of pairs of ids: what has the first id gets the second.
     pub relabel: Option<PathBuf>,
     /// Receives notices for the user that are not errors. Clone it before reading and list it afterwards.
     pub warnings: Warnings,
