@@ -73,7 +73,6 @@ def turns_during():
 
 
 CALLS = {
-    "content_hash": lambda volume: volume._native.content_hash(),
     "bounds": lambda volume: volume._native.bounds(),
     "auto_colors": lambda volume: volume._native.auto_colors(None),
     "figure": lambda volume: pumice.figure(volume),
