@@ -30,6 +30,40 @@ const NEGATIVE: &str = "but labels are whole numbers ≥ 0";
 const NOT_WHOLE: &str = "which is not a whole number: this looks like an image, not a label map";
 const NOT_EXACT: &str = "but floating-point labels above 2^53 are not exact: save the labels as integers";
 
+/// The number type of a name as numpy, N5, Neuroglancer and Zarr write it, such as `uint8`.
+pub(crate) fn type_of_name(name: &str) -> Option<LabelType> {
+    Some(match name {
+        "uint8" => LabelType::U8,
+        "uint16" => LabelType::U16,
+        "uint32" => LabelType::U32,
+        "uint64" => LabelType::U64,
+        "int8" => LabelType::I8,
+        "int16" => LabelType::I16,
+        "int32" => LabelType::I32,
+        "int64" => LabelType::I64,
+        "float32" => LabelType::F32,
+        "float64" => LabelType::F64,
+        _ => return None,
+    })
+}
+
+/// The number type of a code of numpy's array interface without its byte order, such as `u4`; booleans are bytes of 0 and 1.
+pub(crate) fn type_of_code(code: &str) -> Option<LabelType> {
+    Some(match code {
+        "b1" | "u1" => LabelType::U8,
+        "u2" => LabelType::U16,
+        "u4" => LabelType::U32,
+        "u8" => LabelType::U64,
+        "i1" => LabelType::I8,
+        "i2" => LabelType::I16,
+        "i4" => LabelType::I32,
+        "i8" => LabelType::I64,
+        "f4" => LabelType::F32,
+        "f8" => LabelType::F64,
+        _ => return None,
+    })
+}
+
 impl Element {
     /// A plain element without a scale.
     pub(crate) fn new(label_type: LabelType, big_endian: bool) -> Self {

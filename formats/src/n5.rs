@@ -11,13 +11,13 @@
 use std::path::{Path, PathBuf};
 
 use glam::DVec3;
-use pumice_core::{LabelType, Unit, VolumeInfo};
+use pumice_core::{Unit, VolumeInfo};
 use serde_json::Value;
 
 use crate::array_axes::shape_text;
 use crate::choice::{self, ChoiceValue, OpenChoice, choose, refuse_absent};
 use crate::chunks::Chunks;
-use crate::element::Element;
+use crate::element::{Element, type_of_name};
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::layout::{FileAxis, Layout, Role};
@@ -194,7 +194,7 @@ fn of_dataset(
         ));
     }
     let name = attributes.get("dataType").and_then(Value::as_str).unwrap_or("none");
-    let label_type = label_type(name).ok_or_else(|| {
+    let label_type = type_of_name(name).ok_or_else(|| {
         FormatError::unsupported(
             path,
             format!("the data set's type is {}", shorten(name)),
@@ -268,22 +268,6 @@ fn of_dataset(
             missing: options.missing_chunks.unwrap_or(MissingChunks::Fill),
             open: Box::new(move || Ok(Box::new(blocks))),
         }),
-    })
-}
-
-fn label_type(name: &str) -> Option<LabelType> {
-    Some(match name {
-        "uint8" => LabelType::U8,
-        "uint16" => LabelType::U16,
-        "uint32" => LabelType::U32,
-        "uint64" => LabelType::U64,
-        "int8" => LabelType::I8,
-        "int16" => LabelType::I16,
-        "int32" => LabelType::I32,
-        "int64" => LabelType::I64,
-        "float32" => LabelType::F32,
-        "float64" => LabelType::F64,
-        _ => return None,
     })
 }
 

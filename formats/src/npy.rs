@@ -11,7 +11,7 @@ use std::path::Path;
 use pumice_core::{LabelType, VolumeInfo};
 
 use crate::choice::{self, ChoiceValue, OpenChoice, refuse_absent};
-use crate::element::Element;
+use crate::element::{Element, type_of_code};
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::layout::{FileAxis, Layout, Role};
@@ -169,31 +169,19 @@ pub(crate) fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
         ))
     };
     let kind = descr.trim_start_matches(['<', '>', '|', '=']);
-    Ok(match kind {
-        "b1" | "u1" => LabelType::U8,
-        "i1" => LabelType::I8,
-        "u2" => LabelType::U16,
-        "i2" => LabelType::I16,
-        "u4" => LabelType::U32,
-        "i4" => LabelType::I32,
-        "u8" => LabelType::U64,
-        "i8" => LabelType::I64,
-        "f4" => LabelType::F32,
-        "f8" => LabelType::F64,
-        _ if kind.starts_with('[') => return refused("structured"),
-        _ => match kind.as_bytes().first() {
-            Some(b'O') => return refused("Python objects"),
-            Some(b'c') => return refused("complex"),
-            Some(b'U' | b'S' | b'a') => return refused("text"),
-            Some(b'M' | b'm') => return refused("date or time"),
-            Some(b'V') => return refused("untyped bytes"),
-            Some(b'f') => return refused("floating point of unusual width"),
-            _ => {
-                return Err(FormatError::damaged(
-                    path,
-                    format!("the array's type {:?} is not known", shorten(descr)),
-                ));
-            }
-        },
-    })
+    if let Some(known) = type_of_code(kind) {
+        return Ok(known);
+    }
+    if kind.starts_with('[') {
+        return refused("structured");
+    }
+    match kind.as_bytes().first() {
+        Some(b'O') => refused("Python objects"),
+        Some(b'c') => refused("complex"),
+        Some(b'U' | b'S' | b'a') => refused("text"),
+        Some(b'M' | b'm') => refused("date or time"),
+        Some(b'V') => refused("untyped bytes"),
+        Some(b'f') => refused("floating point of unusual width"),
+        _ => Err(FormatError::damaged(path, format!("the array's type {:?} is not known", shorten(descr)))),
+    }
 }

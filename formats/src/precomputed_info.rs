@@ -12,6 +12,7 @@ use std::path::Path;
 use pumice_core::LabelType;
 use serde_json::Value;
 
+use crate::element::type_of_name;
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::precomputed_shards::Sharding;
@@ -52,18 +53,8 @@ pub(crate) fn parse(path: &Path, info: &Value) -> Result<Info> {
     let wrong = |what: String| FormatError::damaged(path, what);
     let text = |value: &Value, key: &str| value.get(key).and_then(Value::as_str).map(str::to_owned);
     let name = text(info, "data_type").ok_or_else(|| wrong("data_type: expected a name, got none".into()))?;
-    let label_type = match name.to_lowercase().as_str() {
-        "uint8" => LabelType::U8,
-        "uint16" => LabelType::U16,
-        "uint32" => LabelType::U32,
-        "uint64" => LabelType::U64,
-        "int8" => LabelType::I8,
-        "int16" => LabelType::I16,
-        "int32" => LabelType::I32,
-        "int64" => LabelType::I64,
-        "float32" => LabelType::F32,
-        _ => return Err(wrong(format!("data_type: expected a number type, got {:?}", shorten(&name)))),
-    };
+    let label_type = type_of_name(&name.to_lowercase())
+        .ok_or_else(|| wrong(format!("data_type: expected a number type, got {:?}", shorten(&name))))?;
     let channels = info.get("num_channels").map_or(Some(1), Value::as_u64).filter(|&n| n > 0);
     let channels = channels.ok_or_else(|| wrong("num_channels: expected a whole number above 0".into()))?;
     let list = info.get("scales").and_then(Value::as_array).filter(|list| !list.is_empty());

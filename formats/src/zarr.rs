@@ -23,7 +23,7 @@ use crate::array_axes::{along_xyz, by_names, by_order, shape_text};
 use crate::array_place::ArrayPlace;
 use crate::choice::OpenChoice;
 use crate::chunks::Chunks;
-use crate::element::Element;
+use crate::element::{Element, type_of_code, type_of_name};
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::layout::{FileAxis, Layout, Role};
@@ -312,17 +312,8 @@ impl Opened {
 
 /// The label type of a Zarr data type: `uint16` of version 3, `<u2` of version 2.
 pub(crate) fn label_type(name: &str) -> Option<LabelType> {
-    Some(match name.trim_start_matches(['<', '>', '|']) {
-        "uint8" | "u1" | "bool" | "b1" => LabelType::U8,
-        "uint16" | "u2" => LabelType::U16,
-        "uint32" | "u4" => LabelType::U32,
-        "uint64" | "u8" => LabelType::U64,
-        "int8" | "i1" => LabelType::I8,
-        "int16" | "i2" => LabelType::I16,
-        "int32" | "i4" => LabelType::I32,
-        "int64" | "i8" => LabelType::I64,
-        "float32" | "f4" => LabelType::F32,
-        "float64" | "f8" => LabelType::F64,
-        _ => return None,
-    })
+    match name.trim_start_matches(['<', '>', '|']) {
+        "bool" => Some(LabelType::U8),
+        name => type_of_name(name).or_else(|| type_of_code(name)),
+    }
 }

@@ -72,7 +72,7 @@ pub struct Lights {
     sky: Sky,
     suns: Vec<ReadySun>,
     lamps: Vec<ReadyLamp>,
-    crowd: Crowd,
+    lamp_sampling: LampSampling,
     /// Whether camera rays see any lamp.
     shows_lamps: bool,
     backdrop: Option<[Vec3; 2]>,
@@ -86,11 +86,11 @@ pub struct Lights {
 
 /// How lamps are weighed and found.
 #[derive(Clone, Debug)]
-enum Crowd {
+enum LampSampling {
     /// One after another.
-    Few,
+    EachAlone,
     /// Several at once.
-    Many(Arc<ManyLamps>),
+    Several(Arc<ManyLamps>),
     /// By a tree, as one light.
     Tree(Arc<LampTree>),
 }
@@ -145,7 +145,7 @@ impl Lights {
             sky,
             suns,
             lamps: Vec::new(),
-            crowd: Crowd::Few,
+            lamp_sampling: LampSampling::EachAlone,
             shows_lamps: false,
             backdrop,
             sky_irradiance,
@@ -159,12 +159,13 @@ impl Lights {
     /// The same lights with these lamps.
     #[must_use]
     pub fn with_lamps(self, mut lamps: Vec<ReadyLamp>) -> Self {
-        let crowd = match LampTree::new(&mut lamps) {
-            Some(tree) => Crowd::Tree(Arc::new(tree)),
-            None => ManyLamps::new(&lamps).map_or(Crowd::Few, |many| Crowd::Many(Arc::new(many))),
+        let lamp_sampling = match LampTree::new(&mut lamps) {
+            Some(tree) => LampSampling::Tree(Arc::new(tree)),
+            None => ManyLamps::new(&lamps)
+                .map_or(LampSampling::EachAlone, |many| LampSampling::Several(Arc::new(many))),
         };
         let shows_lamps = lamps.iter().any(|lamp| lamp.visible_to_camera);
-        let lights = Self { lamps, crowd, shows_lamps, ..self };
+        let lights = Self { lamps, lamp_sampling, shows_lamps, ..self };
         Self { is_sampled: lights.has_sampled_light(), ..lights }
     }
 
@@ -199,9 +200,9 @@ impl Lights {
 
     /// The tree that chooses among lamps, and the irradiance in the world for an importance of 1; `None` where there are few lamps.
     pub fn lamp_tree(&self) -> Option<(&LightTree, f32)> {
-        match &self.crowd {
-            Crowd::Tree(tree) => Some((tree.tree(), tree.irradiance())),
-            Crowd::Few | Crowd::Many(_) => None,
+        match &self.lamp_sampling {
+            LampSampling::Tree(tree) => Some((tree.tree(), tree.irradiance())),
+            LampSampling::EachAlone | LampSampling::Several(_) => None,
         }
     }
 
@@ -244,9 +245,9 @@ impl Lights {
             Light::Sky => self.sky_irradiance,
             Light::Sun(i) => self.suns[i].irradiance_at(from),
             Light::Lamp(i) => self.lamps[i].irradiance_at(from),
-            Light::AllLamps => match &self.crowd {
-                Crowd::Tree(tree) => tree.irradiance_at(from),
-                Crowd::Few | Crowd::Many(_) => 0.0,
+            Light::AllLamps => match &self.lamp_sampling {
+                LampSampling::Tree(tree) => tree.irradiance_at(from),
+                LampSampling::EachAlone | LampSampling::Several(_) => 0.0,
             },
             Light::Emitters => self.emitters.as_ref().map_or(0.0, |e| e.irradiance_at(from)),
         };
@@ -256,7 +257,7 @@ impl Lights {
     /// Number of lights that the lamps are.
     #[inline]
     fn lamp_lights(&self) -> usize {
-        if matches!(self.crowd, Crowd::Tree(_)) { 1 } else { self.lamps.len() }
+        if matches!(self.lamp_sampling, LampSampling::Tree(_)) { 1 } else { self.lamps.len() }
     }
 
     /// Number of all lights.
@@ -272,9 +273,9 @@ impl Lights {
         match place {
             0 => Light::Sky,
             _ if place <= suns => Light::Sun(place - 1),
-            _ if place <= suns + lamps => match &self.crowd {
-                Crowd::Tree(_) => Light::AllLamps,
-                Crowd::Few | Crowd::Many(_) => Light::Lamp(place - 1 - suns),
+            _ if place <= suns + lamps => match &self.lamp_sampling {
+                LampSampling::Tree(_) => Light::AllLamps,
+                LampSampling::EachAlone | LampSampling::Several(_) => Light::Lamp(place - 1 - suns),
             },
             _ => Light::Emitters,
         }
@@ -296,7 +297,7 @@ impl Lights {
     #[inline(always)]
     fn each_weight(&self, from: &Receiver, mut visit: impl FnMut(usize, f32) -> bool) {
         let mut weigh = |place: usize| visit(place, self.weight(self.light_at(place), from));
-        let Crowd::Many(many) = &self.crowd else {
+        let LampSampling::Several(many) = &self.lamp_sampling else {
             for place in 0..self.count() {
                 if !weigh(place) {
                     return;
@@ -378,7 +379,7 @@ impl Lights {
         let (mut light, mut chance, within) = self.choose(from, odds, choice)?;
         let mut further = Some(further);
         let mut further = || further.take().map_or([0.0; 3], |numbers| numbers());
-        if let (Light::AllLamps, Crowd::Tree(tree)) = (light, &self.crowd) {
+        if let (Light::AllLamps, LampSampling::Tree(tree)) = (light, &self.lamp_sampling) {
             let (lamp, part) = tree.choose(from, [within, further()[0]])?;
             (light, chance) = (Light::Lamp(lamp), chance * part);
         }
@@ -492,11 +493,13 @@ impl Lights {
             if let Some(met) = lamp.meet(from, direction)
                 && f64::from(met.distance) * TOUCHING < limit
             {
-                let chance = match &self.crowd {
-                    Crowd::Tree(tree) => {
+                let chance = match &self.lamp_sampling {
+                    LampSampling::Tree(tree) => {
                         self.probability(Light::AllLamps, from, odds) * tree.probability(from, i)
                     }
-                    Crowd::Few | Crowd::Many(_) => self.probability(Light::Lamp(i), from, odds),
+                    LampSampling::EachAlone | LampSampling::Several(_) => {
+                        self.probability(Light::Lamp(i), from, odds)
+                    }
                 };
                 light += met.radiance * self.bsdf_mis_weight(pdf, met.pdf * chance);
             }
@@ -527,10 +530,10 @@ impl Lights {
     /// Calls `visit` with the numbers of the lamps that a ray (unit direction) from a point may meet, in order.
     #[inline]
     fn each_near(&self, from: DVec3, direction: Vec3, visit: impl FnMut(usize)) {
-        match &self.crowd {
-            Crowd::Few => (0..self.lamps.len()).for_each(visit),
-            Crowd::Many(many) => many.near(from, direction, visit),
-            Crowd::Tree(tree) => tree.near(from, direction, visit),
+        match &self.lamp_sampling {
+            LampSampling::EachAlone => (0..self.lamps.len()).for_each(visit),
+            LampSampling::Several(many) => many.near(from, direction, visit),
+            LampSampling::Tree(tree) => tree.near(from, direction, visit),
         }
     }
 

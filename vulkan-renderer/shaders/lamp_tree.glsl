@@ -1,4 +1,4 @@
-// Crowds of lamps: twin of transport/src/lamp/lamp_tree.rs, and of LightTree::near in transport/src/light_tree/mod.rs.
+// Hundreds of lamps: twin of transport/src/lamp/lamp_tree.rs, and of LightTree::near in transport/src/light_tree/mod.rs.
 #ifndef LAMP_TREE_GLSL
 #define LAMP_TREE_GLSL
 

@@ -1,7 +1,7 @@
-//! Crowds of lamps: a tree chooses one for a receiver, and finds those that a ray may meet, in about log n steps where lists take n.
+//! Hundreds of lamps: a tree chooses one for a receiver, and finds those that a ray may meet, in about log n steps where lists take n.
 //!
 //! All lamps together are then one light among the others of the scene. Their weight is that of the tree's root, which knows the distance to
-//! the middle of the crowd at least as half of its diagonal: a receiver within the crowd, beside one lamp, is brighter than that.
+//! the middle of the lamps at least as half of their diagonal: a receiver among them, beside one, is brighter than that.
 
 use glam::{DVec3, Vec3};
 use pumice_scene::LAMPS_OF_A_TREE;
@@ -9,7 +9,7 @@ use pumice_scene::LAMPS_OF_A_TREE;
 use super::{LampKind, ReadyLamp, Receiver};
 use crate::light_tree::{Bounded, Cone, LightTree};
 
-/// Part of the crowd's size that is added to the bounds of a lamp: sixteen roundings of a coordinate from −1 to 1, so that directions from a
+/// Part of the extent of all lamps that is added to the bounds of a lamp: sixteen roundings of a coordinate from −1 to 1, so that directions from a
 /// receiver nearby are not judged by rounding.
 const MARGIN: f64 = 1e-6;
 
@@ -182,7 +182,7 @@ mod tests {
         (0..count).map(lamp).collect()
     }
 
-    /// Receivers within the crowd, right beside lamps, near and far.
+    /// Receivers among the lamps, right beside lamps, near and far.
     fn receivers(lamps: &[ReadyLamp], middle: DVec3, size: f64) -> Vec<Receiver> {
         let mut numbers = Numbers(3);
         (0..60)

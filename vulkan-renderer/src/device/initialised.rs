@@ -1,7 +1,7 @@
 //! Gives every variable of a function a value where the function begins, so that no register keeps an old one.
 //!
 //! A driver copies functions into the loops that call them. A variable that gets its value only on some of the ways through its function
-//! then seems to carry the value of the loop's turn before, and so does a result that one of several returns gives: the compiler keeps it
+//! then seems to carry its value from the loop's iteration before, and so does a result that one of several returns gives: the compiler keeps it
 //! in registers through the whole loop, for nothing. In the path tracer that was a hundred registers of each thread. Nothing else
 //! depends on these values, since no shader reads what it has not written.
 //!
