@@ -8,12 +8,11 @@
 //!     boxes(lower half), boxes(upper half)            each half is tightened again, which reduces the number of boxes
 //! ```
 //! The paper (§3.1) splits each label's region until it fits; tightening after every split gives 22 % fewer boxes than one tight grid. All
-//! cuts lie between cells, so no cell is ever divided and boxes of one label cannot overlap. The method is applied to the cells of each
-//! chunk by themselves, so no box reaches beyond a chunk's faces.
+//! cuts lie between cells, so no cell is ever divided and boxes of one label cannot overlap. Callers give
+//! the cells of one chunk at a time, so no box reaches beyond a chunk's faces.
 
 use crate::cell::{BOX_CELLS, Cell, SOLID};
 use crate::reserve::make_room;
-use crate::volume::CHUNK_CELLS;
 use crate::{NoMemory, morton};
 
 /// A box with its contents, before nodes are shared.
@@ -83,20 +82,16 @@ fn coordinate(packed: u64, axis: usize) -> u32 {
     (packed >> (AXIS * axis as u32) & AXIS_MASK) as u32
 }
 
-/// Appends the boxes of one label to `out`, using `cells`, which come by rising key, as scratch space. The order of the boxes depends only
-/// on the cells.
+/// Appends the boxes of one label in one chunk to `out`, using `cells` as scratch space. The order of the boxes depends only on the cells.
 ///
 /// # Errors
 /// [`NoMemory`].
 pub(crate) fn split_label(label: u32, cells: &mut [Cell], out: &mut RawBoxes) -> Result<(), NoMemory> {
-    for in_chunk in cells.chunk_by_mut(|a, b| a.key / CHUNK_CELLS == b.key / CHUNK_CELLS) {
-        for cell in in_chunk.iter_mut() {
-            let [x, y, z] = morton::decode(cell.key).map(u64::from);
-            cell.key = x | y << AXIS | z << (2 * AXIS);
-        }
-        split(label, in_chunk, out)?;
+    for cell in cells.iter_mut() {
+        let [x, y, z] = morton::decode(cell.key).map(u64::from);
+        cell.key = x | y << AXIS | z << (2 * AXIS);
     }
-    Ok(())
+    split(label, cells, out)
 }
 
 fn split(label: u32, cells: &mut [Cell], out: &mut RawBoxes) -> Result<(), NoMemory> {

@@ -241,3 +241,31 @@ impl BlockSource for JoinedSource {
         Ok(Some(block))
     }
 }
+
+#[cfg(test)]
+mod tests {
+    use pumice_core::ArraySource;
+
+    use super::*;
+
+    /// Ids with the same lowest bits share a place among those that were looked up last, and still have segments of their own.
+    #[test]
+    fn ids_with_the_same_lowest_bits_are_told_apart() {
+        let ids: Vec<u64> = (0..8).map(|i| 5 + i % 3 * RECENT as u64).collect();
+        let folder = tempfile::tempdir().unwrap();
+        let table = folder.path().join("segments.csv");
+        std::fs::write(&table, format!("5,1\n{},2\n", 5 + RECENT)).unwrap();
+        let source =
+            ArraySource::new(VolumeInfo::new([8, 1, 1], LabelType::U64), LabelBuffer::U64(ids)).unwrap();
+        let joins = Joins::read(&table).unwrap();
+        let warnings = Warnings::default();
+        let mut joined = JoinedSource::new(Box::new(source), joins, Path::new("volume"), &warnings);
+        let mut found = Vec::new();
+        while let Some(block) = joined.next_block().unwrap() {
+            let LabelBuffer::U64(labels) = block.labels else { panic!("another type") };
+            found.extend(labels);
+        }
+        let alone = 5 + 2 * RECENT as u64;
+        assert_eq!(found, [1, 2, alone, 1, 2, alone, 1, 2]);
+    }
+}
