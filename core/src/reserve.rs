@@ -158,6 +158,31 @@ pub fn make_room_in_map<K: Eq + Hash, V, S: BuildHasher>(
     map.try_reserve(1).map_err(|_| NoMemory::Refused { what: what.to_owned(), needed_bytes })
 }
 
+/// Sorts by a key; elements with equal keys keep their order. The standard library's stable sort allocates and aborts where it is refused.
+///
+/// # Errors
+/// As [`reserved`], for a key and a place an element; the list stays as it is.
+pub fn sort_by_key<T, K: Ord>(list: &mut [T], key: impl Fn(&T) -> K, what: &str) -> Result<(), NoMemory> {
+    if list.is_sorted_by_key(&key) {
+        return Ok(());
+    }
+    let mut order = collected(list.len(), list.iter().map(&key).zip(0usize..), what)?;
+    order.sort_unstable();
+    // Each cycle of the permutation is followed once; a place that has its element refers to itself.
+    for start in 0..list.len() {
+        let mut to = start;
+        loop {
+            let from = std::mem::replace(&mut order[to].1, to);
+            if from == start {
+                break;
+            }
+            list.swap(to, from);
+            to = from;
+        }
+    }
+    Ok(())
+}
+
 /// A number of bytes for people: `812 B`, `6.3 MB`, `54.1 GB`, in powers of 1000.
 pub fn size_text(bytes: u64) -> String {
     let (mut value, mut unit) = (bytes as f64, "B");
@@ -216,6 +241,26 @@ mod tests {
             map.insert(number, 2 * number);
         }
         assert!((0..1000).all(|n| map[&n] == 2 * n) && rooms.len() <= 12, "{rooms:?}");
+    }
+
+    #[test]
+    fn a_sorted_list_keeps_the_order_of_equal_keys() {
+        let mut random = 1u64;
+        for length in [0, 1, 2, 3, 10, 1000] {
+            for keys in [1, 2, 7, 1 << 40] {
+                let mut list: Vec<(u64, usize)> = (0..length)
+                    .map(|place| {
+                        random =
+                            random.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
+                        ((random >> 20) % keys, place)
+                    })
+                    .collect();
+                let mut expected = list.clone();
+                expected.sort_by_key(|&(key, _)| key);
+                sort_by_key(&mut list, |&(key, _)| key, "a list").unwrap();
+                assert_eq!(list, expected, "{length} elements with {keys} keys");
+            }
+        }
     }
 
     #[test]

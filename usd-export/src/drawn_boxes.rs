@@ -7,6 +7,9 @@ use crate::Result;
 use crate::budget::Budget;
 use crate::drawn::Drawn;
 
+/// What memory is for, in errors.
+pub(crate) const BOXES: &str = "a list of the boxes of a volume";
+
 /// A box that is drawn, up to the end of its volume.
 #[derive(Clone, Copy, Debug)]
 pub(crate) struct DrawnBox {
@@ -28,7 +31,7 @@ pub(crate) fn drawn_boxes(drawn: &Drawn<'_>, budget: &mut Budget, job: &Job) -> 
     for_each_drawn_box(drawn, |_| count += 1);
     job.check()?;
     budget.take_boxes(count as u64)?;
-    let mut boxes = reserved(count, "a list of the boxes of a volume").map_err(Error::from)?;
+    let mut boxes = reserved(count, BOXES).map_err(Error::from)?;
     for_each_drawn_box(drawn, |drawn_box| boxes.push(drawn_box));
     job.check()?;
     Ok(boxes)

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use pumice_core::reserve::make_room;
+use pumice_core::reserve::{make_room, sort_by_key};
 use pumice_core::{Error, Job};
 use pumice_transport::geometry::DetailLevel;
 
@@ -14,7 +14,8 @@ use crate::surface::Surface;
 use crate::{CutPolygon, Merging, Rectangle, Result};
 
 /// What the memory is for, in errors.
-const FACES: &str = "a list of the faces of a surface";
+/// What memory is for, in errors.
+pub(crate) const FACES: &str = "a list of the faces of a surface";
 
 /// A surface in index space.
 pub(crate) struct LabelledSurface {
@@ -94,8 +95,8 @@ impl LabelledSurface {
             Ok(())
         })?;
         Ok(Self {
-            rectangles: ByMaterial::new(rectangles, drawn),
-            polygons: ByMaterial::new(polygons, drawn),
+            rectangles: ByMaterial::new(rectangles, drawn)?,
+            polygons: ByMaterial::new(polygons, drawn)?,
         })
     }
 
@@ -133,7 +134,7 @@ impl LabelledSurface {
 }
 
 impl<T: Face> ByMaterial<T> {
-    fn new(mut faces: Vec<T>, drawn: &Drawn<'_>) -> Self {
+    fn new(mut faces: Vec<T>, drawn: &Drawn<'_>) -> Result<Self> {
         let material = |face: &T| drawn.material_of[face.label() as usize] as usize;
         let mut counts = vec![0u32; drawn.materials.len()];
         faces.iter().for_each(|face| counts[material(face)] += 1);
@@ -146,7 +147,7 @@ impl<T: Face> ByMaterial<T> {
                 range
             })
             .collect();
-        faces.sort_by_key(material);
-        Self { faces, of_material }
+        sort_by_key(&mut faces, material, FACES).map_err(Error::from)?;
+        Ok(Self { faces, of_material })
     }
 }

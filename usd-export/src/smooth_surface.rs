@@ -2,9 +2,11 @@
 
 use std::ops::Range;
 
-use pumice_core::Job;
+use pumice_core::reserve::sort_by_key;
+use pumice_core::{Error, Job};
 
 use crate::drawn::Drawn;
+use crate::labelled_surface::FACES;
 use crate::{Budget, Result, SmoothMesh};
 
 /// A smoothed surface whose faces of one material come after each other.
@@ -18,13 +20,13 @@ impl SmoothSurface {
     /// The smoothed surface of what is drawn.
     ///
     /// # Errors
-    /// [`pumice_core::Error::Limit`] where it takes more than is left of the budget; [`pumice_core::Error::Cancelled`].
+    /// [`Error::Limit`] where it takes more than is left of the budget; [`Error::Memory`]; [`Error::Cancelled`].
     pub(crate) fn new(drawn: &Drawn<'_>, budget: &mut Budget, job: &Job) -> Result<Self> {
         let take = |faces| budget.take_smooth_faces(faces);
         let mut mesh = SmoothMesh::new(drawn.volume, &drawn.visible, drawn.region, job, take)?;
         let vertices = &mesh.vertices;
         let material = |quad: &[u32; 4]| drawn.material_of[vertices[quad[0] as usize].label as usize];
-        mesh.quads.sort_by_key(material);
+        sort_by_key(&mut mesh.quads, material, FACES).map_err(Error::from)?;
         let mut of_material = vec![0..0; drawn.materials.len()];
         let mut start = 0;
         for group in mesh.quads.chunk_by(|a, b| material(a) == material(b)) {

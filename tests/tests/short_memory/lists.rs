@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use glam::DAffine3;
 use pumice_core::cell::{Cell, sort_and_or};
+use pumice_core::reserve::sort_by_key;
 use pumice_core::{
     BlockSource, BoxGrid, CompressOptions, CompressedVolume, Job, LabelBlock, LabelBuffer, LabelType,
     MeshData, NoMemory, SortedCells, VolumeInfo, compress, compress_labels,
@@ -284,4 +285,23 @@ fn a_picture_without_memory_is_an_error() {
         &refusing(1_439_999, || renderer.variance()).unwrap_err(),
         "film: the picture needs 1.4 MB",
     );
+}
+
+/// Files of meshes have their faces sorted by material, in the order of the volume within each.
+#[test]
+fn sorting_without_memory_is_an_error_and_changes_nothing() {
+    let _turn = one_after_the_other();
+    let backwards: Vec<u32> = (0..100_000).rev().collect();
+    let sorted = |most| {
+        let mut list = backwards.clone();
+        let sorted = refusing(most, || sort_by_key(&mut list, |&value| value, "a list of faces"));
+        (sorted, list)
+    };
+    // A key and a place take 16 bytes.
+    let (refused, unchanged) = sorted(1_599_999);
+    assert_refused(&refused.unwrap_err(), "a list of faces needs 1.6 MB");
+    assert_eq!(unchanged, backwards);
+    let (made, list) = sorted(1_600_000);
+    made.unwrap();
+    assert!(list.iter().copied().eq(0..100_000));
 }

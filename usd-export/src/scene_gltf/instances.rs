@@ -9,14 +9,15 @@
 use gltf_json::accessor::{ComponentType, Type};
 use gltf_json::mesh::Semantic;
 use gltf_json::{Index, Node};
-use pumice_core::Job;
+use pumice_core::reserve::sort_by_key;
+use pumice_core::{Error, Job};
 use serde_json::json;
 
 use super::binary::put_floats;
 use super::surface::{LabelNumbers, VERTEX_BYTES, mesh, put_rectangle};
 use super::writer::{Elements, Writer};
 use crate::drawn::Drawn;
-use crate::drawn_boxes::{DrawnBox, drawn_boxes};
+use crate::drawn_boxes::{BOXES, DrawnBox, drawn_boxes};
 use crate::{Budget, Rectangle, Result};
 
 /// Faces of a unit cube.
@@ -38,7 +39,7 @@ pub(super) fn add_boxes(
         return Ok(Vec::new());
     }
     let material = |b: &DrawnBox| drawn.material_of[b.label as usize] as usize;
-    boxes.sort_by_key(material);
+    sort_by_key(&mut boxes, material, BOXES).map_err(Error::from)?;
 
     // The cube's vertices are those of six rectangles.
     let cube: Vec<Rectangle> = (0..FACES as u8)

@@ -16,7 +16,8 @@ use gltf_json::accessor::{ComponentType, Type};
 use gltf_json::buffer::View;
 use gltf_json::mesh::Semantic;
 use gltf_json::{Index, Mesh};
-use pumice_core::{MeshData, octahedral};
+use pumice_core::reserve::{collected, sort_by_key};
+use pumice_core::{Error, MeshData, octahedral};
 use serde_json::json;
 
 use super::binary::{put_floats, write_corners};
@@ -43,11 +44,13 @@ pub(super) fn add_mesh<'a>(
         let [a, b, c] = data.triangles()[*t as usize];
         a != b && b != c && c != a
     };
-    let mut triangles: Vec<u32> = (0..data.triangles().len() as u32).filter(has_area).collect();
+    let count = data.triangles().len();
+    let all = (0..count as u32).filter(has_area);
+    let mut triangles = collected(count, all, TRIANGLES).map_err(Error::from)?;
     if triangles.is_empty() {
         return Ok(None);
     }
-    triangles.sort_by_key(material);
+    sort_by_key(&mut triangles, material, TRIANGLES).map_err(Error::from)?;
     let groups: Vec<(usize, u64)> = triangles
         .chunk_by(|a, b| material(a) == material(b))
         .map(|g| (material(&g[0]), g.len() as u64))
@@ -73,6 +76,9 @@ pub(super) fn add_mesh<'a>(
     }
     Ok(Some(writer.root.push(mesh(name.to_owned(), primitives))))
 }
+
+/// What memory is for, in errors.
+const TRIANGLES: &str = "a list of the triangles of a mesh";
 
 type Attributes = Vec<(Semantic, Index<gltf_json::Accessor>)>;
 

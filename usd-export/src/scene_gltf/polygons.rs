@@ -12,13 +12,15 @@ use gltf_json::Index;
 use gltf_json::accessor::{ComponentType, Type};
 use gltf_json::buffer::View;
 use gltf_json::mesh::Semantic;
+use pumice_core::Error;
+use pumice_core::reserve::sort_by_key;
 use serde_json::json;
 
 use super::binary::put_floats;
 use super::surface::{LabelNumbers, PlacedPrimitive};
 use super::writer::{Elements, Writer, addressable};
 use crate::drawn::Drawn;
-use crate::labelled_surface::Face;
+use crate::labelled_surface::{FACES, Face};
 use crate::{CutPolygon, Result};
 
 /// Bytes of a vertex.
@@ -37,7 +39,7 @@ pub(super) fn add_polygons(
 ) -> Result<Vec<PlacedPrimitive>> {
     let material = |polygon: &CutPolygon| drawn.material_of[polygon.label as usize] as usize;
     // They are sorted by material already, and the sort is stable.
-    polygons.sort_by_key(part);
+    sort_by_key(&mut polygons, part, FACES).map_err(Error::from)?;
     let of_group = |a: &CutPolygon, b: &CutPolygon| part(a) == part(b) && material(a) == material(b);
     let corners: u64 = polygons.iter().map(|polygon| polygon.corner_count() as u64).sum();
     let triangles = corners - 2 * polygons.len() as u64;

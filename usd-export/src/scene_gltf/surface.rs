@@ -20,12 +20,13 @@ use gltf_json::accessor::{ComponentType, Type};
 use gltf_json::mesh::{Primitive, Semantic};
 use gltf_json::{Index, Mesh};
 use pumice_core::Error;
+use pumice_core::reserve::sort_by_key;
 use serde_json::json;
 
 use super::polygons::add_polygons;
 use super::writer::{Elements, Writer};
 use crate::drawn::Drawn;
-use crate::labelled_surface::LabelledSurface;
+use crate::labelled_surface::{FACES, LabelledSurface};
 use crate::{CutPolygon, Rectangle, Result};
 
 /// Bytes of a vertex.
@@ -126,7 +127,7 @@ fn add_rectangles(
 ) -> Result<Vec<PlacedPrimitive>> {
     let material = |r: &Rectangle| drawn.material_of[r.label as usize] as usize;
     // They are sorted by material already, and the sort is stable.
-    rectangles.sort_by_key(part);
+    sort_by_key(&mut rectangles, part, FACES).map_err(Error::from)?;
     let bytes = 4 * VERTEX_BYTES * rectangles.len() as u64;
     let view = writer.view(writer.binary.bytes(), bytes, Some(VERTEX_BYTES as usize));
     let (mut primitives, mut offset) = (Vec::new(), 0);

@@ -15,13 +15,14 @@
 use std::io::Write;
 use std::path::Path;
 
-use pumice_core::Job;
+use pumice_core::reserve::{collected, sort_by_key};
+use pumice_core::{Error, Job};
 use pumice_scene::Material;
 
 use super::{Surfaces, put_corners_in_world};
 use crate::Result;
 use crate::drawn::Drawn;
-use crate::labelled_surface::Face;
+use crate::labelled_surface::{FACES, Face};
 use crate::whole_file::write_with_beside;
 
 impl Surfaces<'_> {
@@ -41,8 +42,10 @@ impl Surfaces<'_> {
         let (mut next, mut corners) = (1u64, Vec::new());
         for (drawn, surface) in &self.all {
             writeln!(out, "o {}", drawn.name())?;
-            let mut by_label: Vec<&dyn Face> = surface.faces().collect();
-            by_label.sort_by_key(|face| face.label());
+            let count = surface.face_count() as usize;
+            let mut by_label: Vec<&dyn Face> =
+                collected(count, surface.faces(), FACES).map_err(Error::from)?;
+            sort_by_key(&mut by_label, |face| face.label(), FACES).map_err(Error::from)?;
             for group in by_label.chunk_by(|a, b| a.label() == b.label()) {
                 let label = group[0].label();
                 writeln!(out, "g {}", group_name(drawn, label))?;

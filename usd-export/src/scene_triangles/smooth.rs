@@ -12,6 +12,7 @@ use std::io::Write;
 use std::path::Path;
 
 use glam::{DMat3, DVec3};
+use pumice_core::reserve::{collected, sort_by_key};
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
@@ -20,6 +21,7 @@ use super::ply::{srgb, write_labels_of};
 use super::stl::{put_triangle, write_header};
 use super::{check_range, fits_32_bits};
 use crate::drawn::Drawn;
+use crate::labelled_surface::FACES;
 use crate::smooth_mesh::NOT_EXACT;
 use crate::smooth_surface::SmoothSurface;
 use crate::voxel_region::nothing_shown;
@@ -147,8 +149,8 @@ impl<'a> SmoothSurfaces<'a> {
                 let [x, y, z] = world.normal(vertex.normal).as_vec3().to_array();
                 writeln!(out, "vn {x} {y} {z}")?;
             }
-            let mut by_label: Vec<&[u32; 4]> = mesh.quads.iter().collect();
-            by_label.sort_by_key(|quad| mesh.label(quad));
+            let mut by_label = collected(mesh.quads.len(), &mesh.quads, FACES).map_err(Error::from)?;
+            sort_by_key(&mut by_label, |quad| mesh.label(quad), FACES).map_err(Error::from)?;
             for group in by_label.chunk_by(|a, b| mesh.label(a) == mesh.label(b)) {
                 let label = mesh.label(group[0]);
                 writeln!(out, "g {}", group_name(drawn, label))?;
