@@ -13,7 +13,6 @@ use crate::drawn::Drawn;
 use crate::surface::Surface;
 use crate::{CutPolygon, Merging, Rectangle, Result};
 
-/// What the memory is for, in errors.
 /// What memory is for, in errors.
 pub(crate) const FACES: &str = "a list of the faces of a surface";
 
