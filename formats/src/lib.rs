@@ -92,7 +92,7 @@ pub use choice::{ChoiceValue, OpenChoice};
 pub use error::FormatError;
 pub use label_tables::{LabelTableFile, LabelTableFormat, read_label_table, write_label_table};
 pub use mesh::open_mesh;
-pub use open::{Probe, open, probe};
+pub use open::{Probe, Reach, open, open_regions, probe, reach};
 pub use options::{ArrayAxes, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings};
 pub use orientation::orientation;
 pub use volume_file::Layer;

@@ -1,5 +1,6 @@
 //! Options of a caller that complete or override what a file says.
 
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -94,6 +95,46 @@ impl OpenOptions {
             ("--relabel", relabel.is_some()),
         ];
         all.into_iter().filter(|(_, is_given)| *is_given).map(|(option, _)| option).collect()
+    }
+}
+
+impl fmt::Display for OpenOptions {
+    /// The options that were given, as the command takes them: `--scale 2 --roi 0:512,:,:`. Of a table of joined ids it has the file's name alone.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let list = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let raw = self.raw.as_ref().map(|raw| {
+            let [x, y, z] = raw.dims;
+            let end = if raw.big_endian { " --raw-big-endian" } else { "" };
+            let label_type = format!("{:?}", raw.label_type).to_lowercase();
+            format!("{x},{y},{z} --raw-type {label_type} --raw-offset {}{end}", raw.offset)
+        });
+        let values = [
+            ("--layer", self.layer.map(|n| n.to_string())),
+            ("--time-step", self.time.map(|n| n.to_string())),
+            ("--channel", self.channel.map(|n| n.to_string())),
+            ("--array", self.array.clone()),
+            ("--spacing", self.spacing.map(|lengths| list(&lengths))),
+            ("--axes", self.axes.map(|axes| axes.name().to_owned())),
+            ("--raw-dims", raw),
+            ("--scale", self.scale.map(|scale| scale.to_string())),
+            ("--roi", self.roi.map(|roi| roi.to_string())),
+            ("--label", self.label.clone()),
+            ("--dataset", self.dataset.clone()),
+            ("--missing-chunks", self.missing_chunks.map(|missing| missing.name().to_owned())),
+            (
+                "--relabel",
+                self.relabel
+                    .as_ref()
+                    .map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()),
+            ),
+        ];
+        debug_assert_eq!(values.iter().filter(|(_, value)| value.is_some()).count(), self.given().len());
+        let given = values.into_iter().filter_map(|(name, value)| Some((name, value?)));
+        for (i, (name, value)) in given.enumerate() {
+            let space = if i == 0 { "" } else { " " };
+            write!(f, "{space}{name} {value}")?;
+        }
+        Ok(())
     }
 }
 

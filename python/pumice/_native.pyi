@@ -534,10 +534,26 @@ def agreement(ours: Any, theirs: Any, covered: Any) -> str:
     pixel, 0 where it shows no surface. Returns the verdict and its statistics as JSON text.
     """
 
+def chunk_count(dims: SupportsLenAndGetItem[SupportsIndex]) -> int:
+    """
+    Number of chunks of a volume of `dims` voxels.
+    """
+
+def chunk_regions(dims: SupportsLenAndGetItem[SupportsIndex], chunks: str) -> list[list[list[int]]]:
+    """
+    First voxel of these chunks along x, y and z, and the one after the last, chunk after chunk.
+    """
+
 def compress(source: str | PathLike[str] | Incomplete, *, given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
     does not fit.
+    """
+
+def compress_part(source: str | PathLike[str] | Incomplete, out: str | PathLike[str], *, chunks: str, source_name: str, fingerprint: str, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> list[str]:
+    """
+    Compresses some chunks of a file, or of blocks that are of these chunks alone, into a part; returns the reader's warnings. `source_name` and
+    `fingerprint` tell blocks from those of other sources; a file says that itself.
     """
 
 def count_faces(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, limit: SupportsIndex, job: Job | None = None) -> int:
@@ -569,6 +585,11 @@ def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetI
     """
     Composes a scene that shows a volume: places, frames, colours and lights it. `labels` are ids; `flags` are those of `pumice render`, without
     their dashes, each with its text.
+    """
+
+def merge(parts: SupportsGetItem[int, str | PathLike[str]], out: str | PathLike[str], *, level: str = "default", given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, job: Job | None = None) -> tuple[str, list[str]]:
+    """
+    Joins parts to the volume's file; returns what was written as JSON text, and what of the table does not fit.
     """
 
 def one_line(text: str) -> str:

@@ -332,14 +332,7 @@ impl Volume {
     /// Writes a `.pumice` file, which appears complete or not at all.
     #[pyo3(signature = (path, level="default", job=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, level: &str, job: Option<&Bound<'_, Job>>) -> PyResult<()> {
-        let level = match level {
-            "fast" => CompressionLevel::Fast,
-            "default" => CompressionLevel::Default,
-            "small" => CompressionLevel::Small,
-            other => {
-                return Err(input(&format_args!("level: expected fast, default or small, got {other:?}")));
-            }
-        };
+        let level = level_of(level)?;
         let job = job_of(job);
         released(py, &job, || self.0.save(&path, level, &job))
     }
@@ -435,6 +428,31 @@ pub(crate) enum Given {
     TypesFile(PathBuf),
 }
 
+/// The level with this name.
+pub(crate) fn level_of(name: &str) -> PyResult<CompressionLevel> {
+    match name {
+        "fast" => Ok(CompressionLevel::Fast),
+        "default" => Ok(CompressionLevel::Default),
+        "small" => Ok(CompressionLevel::Small),
+        other => Err(input(&format_args!("level: expected fast, default or small, got {other:?}"))),
+    }
+}
+
+impl Given {
+    /// The types, or the table.
+    pub(crate) fn parts(&self) -> PyResult<(Option<TypeTable>, Option<&pumice_core::AnnotationTable>)> {
+        Ok(match self {
+            Self::Types(text) => {
+                (Some(TypeTable::parse_csv(text).map_err(IntoException::into_exception)?), None)
+            }
+            Self::Table(table) => (None, Some(&table.get().0)),
+            Self::TypesFile(path) => {
+                (Some(pumice_session::read_types(path).map_err(IntoException::into_exception)?), None)
+            }
+        })
+    }
+}
+
 /// Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
 /// does not fit.
 #[pyfunction]
@@ -449,16 +467,7 @@ pub(crate) fn compress(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Opened> {
     let job = job_of(job);
-    let (types, table) = match &given {
-        Some(Given::Types(text)) => {
-            (Some(TypeTable::parse_csv(text).map_err(IntoException::into_exception)?), None)
-        }
-        Some(Given::Table(table)) => (None, Some(&table.get().0)),
-        Some(Given::TypesFile(path)) => {
-            (Some(pumice_session::read_types(path).map_err(IntoException::into_exception)?), None)
-        }
-        None => (None, None),
-    };
+    let (types, table) = given.as_ref().map_or(Ok((None, None)), Given::parts)?;
     let reading = reading(read_as)?;
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
@@ -471,7 +480,7 @@ pub(crate) fn compress(
 }
 
 /// Runs `work` on a source, with the interpreter released except while blocks are fetched from Python.
-fn with_source<T: Send>(
+pub(crate) fn with_source<T: Send>(
     py: Python<'_>,
     source: Source,
     reading: &OpenOptions,

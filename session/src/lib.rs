@@ -18,16 +18,19 @@ pub mod live;
 pub mod measure;
 pub mod npy;
 pub mod open;
+pub mod part_files;
 pub mod persistent_renderer;
 pub mod pick_pixels;
 pub mod plot;
 pub mod progressive;
 pub mod reading;
 pub mod render_file;
+pub mod resumable;
 pub mod savings;
 pub mod script;
 pub mod selection;
 pub mod shipped_volume;
+pub mod source_fingerprint;
 pub mod threads;
 pub mod values;
 pub mod verify_render;
@@ -49,10 +52,11 @@ pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
 pub use open::{
     Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume, with_built_in,
 };
+pub use part_files::{MergeRequest, PartOutcome, PartRequest, compress_part_file, merge_files};
 pub use persistent_renderer::{PersistentRenderer, Watching};
 pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};
-pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
+pub use pumice_core::{ChunkGrid, ChunkSet, CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
 pub use pumice_formats::{
     ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings,
@@ -65,6 +69,7 @@ pub use render_file::{
     PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, TurntablePicture,
     render_file, render_turntable,
 };
+pub use resumable::{KeptParts, compress_resumable, parts_folder};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
 pub use threads::with_threads;

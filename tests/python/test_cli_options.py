@@ -32,9 +32,16 @@ IN_LABELS = "without --labels"
 OPTIONS = {
     "demo": dict.fromkeys(["--volume", "--out", "--time", "--error", "--size"], ""),
     "compress": {
+        **dict.fromkeys(["--out", "--json", "--threads", "--memory-limit"], ""),
+        **dict.fromkeys(["--level", "--types"], "with --chunks"),
+        "--table": "with --types, and with --chunks",
+        "--chunks": "with --level, --types, --table, --resume and --restart",
+        **dict.fromkeys(["--resume", "--restart"], "with --chunks, with each other, and for a compressed stream"),
+        **READING,
+    },
+    "merge": {
         **dict.fromkeys(["--out", "--level", "--json", "--threads", "--memory-limit", "--types"], ""),
         "--table": "with --types",
-        **READING,
     },
     "info": {
         "--json": "with --labels",

@@ -9,6 +9,7 @@ pub(crate) mod devices;
 pub(crate) mod export;
 pub(crate) mod info;
 mod label_list;
+pub(crate) mod merge;
 pub(crate) mod pick;
 pub(crate) mod render;
 pub(crate) mod table;

@@ -55,7 +55,23 @@ pub(super) fn check(v: &CompressedVolume) -> Finding {
     check_counts(v, &nodes)
 }
 
-fn check_info(info: &VolumeInfo) -> Finding {
+/// Checks the leaves, runs, nodes and boxes of a volume of one chunk, which need not be all of a volume; `visit` gets each label with its
+/// voxels.
+pub(super) fn check_chunk(v: &CompressedVolume, mut visit: impl FnMut(u32, u64)) -> Finding {
+    v.leaves.iter().try_for_each(check_leaves)?;
+    check_chunks(v)?;
+    check_runs(v)?;
+    let mut nodes = Nodes::within(v.nodes.len());
+    (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
+    check_boxes(v, &nodes)?;
+    for_each_run(v, |label, chunk, boxes| {
+        let voxels = |record: &crate::BoxRecord| nodes.voxels_at(chunk.node_base + u64::from(record.node()));
+        visit(label, boxes.iter().map(voxels).sum());
+        Ok(())
+    })
+}
+
+pub(super) fn check_info(info: &VolumeInfo) -> Finding {
     ensure(info.dims.iter().all(|&d| d <= MAX_DIM), b"INFO", || {
         format!("dims: expected at most {MAX_DIM} an axis, got {:?}", info.dims)
     })?;

@@ -18,6 +18,7 @@
 //! | `check` | every invariant of a volume that comes from outside |
 //! | `write`, `read`, `label_subset` | writes a volume to a file, reads it from a file, and reads only some labels of a file |
 //! | `file_sink` | writes a volume to a file while it is compressed |
+//! | `part`, `merge`, `part_chunk` | what a part of a volume says of itself; joins parts to the volume; one chunk of a part |
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed, so a killed process never leaves an incomplete file
 //! under the final name.
@@ -49,8 +50,11 @@ mod file_sink;
 mod format_error;
 mod label_subset;
 mod layout;
+mod merge;
 mod neighbours;
 mod nodes;
+mod part;
+mod part_chunk;
 mod read;
 mod sections;
 mod size_limits;
@@ -64,7 +68,10 @@ mod write;
 mod damaged_files;
 
 pub(crate) use file_sink::finish_into_file;
+pub(crate) use part::PartHead;
 
 pub use file_sink::WrittenVolume;
 pub use layout::MAGIC;
+pub use merge::merge_parts;
+pub use part::{PartInfo, PartSource, read_part};
 pub use write::CompressionLevel;
