@@ -17,6 +17,7 @@
 //! | `voxel_coder`, `voxel_pieces` | converts the voxels of one piece to a bit stream, and back; converts a volume to pieces, and back |
 //! | `check` | every invariant of a volume that comes from outside |
 //! | `write`, `read`, `label_subset` | writes a volume to a file, reads it from a file, and reads only some labels of a file |
+//! | `paged` | reads a file chunk by chunk into pages that are drawn from disk |
 //! | `file_sink` | writes a volume to a file while it is compressed |
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed, so a killed process never leaves an incomplete file
@@ -51,6 +52,7 @@ mod label_subset;
 mod layout;
 mod neighbours;
 mod nodes;
+mod paged;
 mod read;
 mod sections;
 mod size_limits;
