@@ -66,8 +66,8 @@ pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
 pub use render_file::{
-    PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, TurntablePicture,
-    render_file, render_turntable,
+    PageFigures, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject,
+    TurntablePicture, render_file, render_turntable,
 };
 pub use resumable::{KeptParts, compress_resumable, parts_folder};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};

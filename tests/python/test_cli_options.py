@@ -60,6 +60,7 @@ OPTIONS = {
         "--min-spp": "with --again, and where no pixel rests",
         "--bounces": "with --again, and in modes without bounces",
         "--passes": "for a .png",
+        "--memory-limit": "with --explain, and where not everything can be drawn from disk",
         "--half": "with --again, and for a .png",
         "--view-transform": "with --again, and for an .exr",
         **dict.fromkeys(["--query", "--background", "--smooth"], "with --again"),

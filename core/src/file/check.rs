@@ -52,7 +52,20 @@ pub(super) fn check(v: &CompressedVolume) -> Finding {
     let mut nodes = Nodes::within(v.nodes.len());
     (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
     check_boxes(v, &nodes)?;
-    check_counts(v, &nodes)
+    let mut counts = vec![0; v.labels.ids.len()];
+    count_voxels(v, &nodes, &mut counts)?;
+    check_counts(v, &counts)
+}
+
+/// Checks the boxes of a volume that holds one chunk alone, and adds each label's voxels to `counts`. Once all chunks are checked,
+/// [`check_counts`] compares them.
+pub(super) fn check_chunk(v: &CompressedVolume, counts: &mut [u64]) -> Finding {
+    check_chunks(v)?;
+    check_runs(v)?;
+    let mut nodes = Nodes::within(v.nodes.len());
+    (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
+    check_boxes(v, &nodes)?;
+    count_voxels(v, &nodes, counts)
 }
 
 /// Checks the leaves, runs, nodes and boxes of a volume of one chunk, which need not be all of a volume; `visit` gets each label with its
@@ -279,15 +292,18 @@ fn for_each_run(
     Ok(())
 }
 
-/// Counts each label's voxels and compares the counts with the label table.
-fn check_counts(v: &CompressedVolume, nodes: &Nodes) -> Finding {
-    let mut counts = vec![0u64; v.labels.ids.len()];
+/// Adds the voxels of each label.
+fn count_voxels(v: &CompressedVolume, nodes: &Nodes, counts: &mut [u64]) -> Finding {
     for_each_run(v, |label, chunk, boxes| {
         let voxels = |record: &crate::BoxRecord| nodes.voxels_at(chunk.node_base + u64::from(record.node()));
         counts[label as usize] += boxes.iter().map(voxels).sum::<u64>();
         Ok(())
-    })?;
-    for (i, (&expected, &got)) in v.labels.voxels.iter().zip(&counts).enumerate() {
+    })
+}
+
+/// Compares each label's voxels with the label table.
+pub(super) fn check_counts(v: &CompressedVolume, counts: &[u64]) -> Finding {
+    for (i, (&expected, &got)) in v.labels.voxels.iter().zip(counts).enumerate() {
         let expected = if v.holds(i as u32) { expected } else { 0 };
         ensure(expected == got && (got > 0 || !v.holds(i as u32)), b"LVOX", || {
             format!("label {i}: expected {expected} voxels, got {got}")

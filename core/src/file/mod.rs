@@ -17,6 +17,7 @@
 //! | `voxel_coder`, `voxel_pieces` | converts the voxels of one piece to a bit stream, and back; converts a volume to pieces, and back |
 //! | `check` | every invariant of a volume that comes from outside |
 //! | `write`, `read`, `label_subset` | writes a volume to a file, reads it from a file, and reads only some labels of a file |
+//! | `paged` | reads a file chunk by chunk into pages that are drawn from disk |
 //! | `file_sink` | writes a volume to a file while it is compressed |
 //! | `part`, `merge`, `part_chunk` | what a part of a volume says of itself; joins parts to the volume; one chunk of a part |
 //!
@@ -53,6 +54,7 @@ mod layout;
 mod merge;
 mod neighbours;
 mod nodes;
+mod paged;
 mod part;
 mod part_chunk;
 mod read;
