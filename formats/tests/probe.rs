@@ -95,7 +95,7 @@ fn pages_whose_meaning_is_open_or_doubtful_list_the_orders() {
         })
     };
     let all = |assumed| Some(("zyx tyx cyx".to_owned(), Some(assumed)));
-    assert_eq!(orders(&write(folder.path(), "p.tif", &stack("", 5))), all("zyx"));
+    assert_eq!(orders(&write(folder.path(), "p.tif", &stack("ImageJ=1.54f\nimages=5\n", 5))), all("zyx"));
     let frames = write(folder.path(), "t.tif", &stack("ImageJ=1.54f\nimages=5\nframes=5\n", 5));
     assert_eq!(orders(&frames), all("tyx"));
     // Said by the file, or nothing to say, or several axes.
@@ -287,8 +287,10 @@ fn an_index_is_refused_where_there_is_one_unless_a_scene_records_0() {
 #[test]
 fn orientation_is_that_of_the_world_which_the_file_states() {
     let folder = tempfile::tempdir().unwrap();
-    let expected = [Some("LPS"), Some("RAS"), None, Some("LPS")];
-    for ((path, name), expected) in with_axes(folder.path()).into_iter().zip(expected) {
+    let expected = [Some("LPS"), Some("RAS"), Some("LPS"), None];
+    let mut files = with_axes(folder.path());
+    files.push((write(folder.path(), "a.tif", &stack(IMAGEJ, 12)), "TIFF"));
+    for ((path, name), expected) in files.into_iter().zip(expected) {
         assert_eq!(probe(&path, &OpenOptions::default()).unwrap().orientation.as_deref(), expected, "{name}");
     }
 }
