@@ -643,12 +643,14 @@ def test_bombs_in_shards_are_refused(formats, tmp_path, nested):
     assert "more than the 128 bytes of a chunk" in formats.refuse(tmp_path / "a.zarr")
 
 
-def test_a_chunk_that_grows_while_a_store_is_read_is_no_other_chunk(formats, good):
-    """A store that somebody writes to: chunks that vanish are counted, and what does not fit is refused."""
+def test_chunks_that_vanish_are_counted_and_cut_ones_refused(formats, good):
+    """A store that somebody changes after its description was written."""
     store = good("v2.zarr")
     chunks = chunk_files(store)
     chunks[0].unlink()
-    assert any("1 of 27 chunks are not there" in line for line in formats.read(store, store.parent)[0]["warnings"])
+    # zarr leaves out chunks of the fill value.
+    absent = 27 - len(chunks) + 1
+    assert any(f"{absent} of 27 chunks are not there" in line for line in formats.read(store, store.parent)[0]["warnings"])
     chunks[1].write_bytes(chunks[1].read_bytes()[:-7])
     assert "chunk" in formats.refuse(store)
 
