@@ -31,7 +31,7 @@ pub(crate) use export::{Export, FormArg, ReaderArg};
 pub(crate) use info::{Info, LabelList};
 pub(crate) use merge::Merge;
 pub(crate) use pick::Pick;
-pub(crate) use reading::{Axes, Missing, Reading};
+pub(crate) use reading::{Missing, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};
 pub(crate) use table::Table;
 pub(crate) use verify::Verify;

@@ -23,7 +23,8 @@ pub struct OpenOptions {
     pub spacing: Option<[f64; 3]>,
     /// Read the file as voxels without a header. No other format is tried then.
     pub raw: Option<RawLayout>,
-    /// Meaning of the axes of a NumPy array, by default [`ArrayAxes::Xyz`] with a warning; other files say it themselves and refuse it.
+    /// Meaning of the axes of an array whose file does not say it (NumPy: by default [`ArrayAxes::Xyz`] with a warning), or of the pages of a TIFF
+    /// file in place of what it says; other files say it themselves and refuse it.
     pub axes: Option<ArrayAxes>,
     /// Which level of a file with several, by number or by the size of its voxels; the finest if none is given.
     pub scale: Option<Scale>,
@@ -151,24 +152,75 @@ pub struct RawLayout {
     pub offset: u64,
 }
 
-/// Meaning of the axes of a NumPy array, in the order of its indices.
+/// Meaning of the axes of an array in the order of its indices, or of a TIFF file's pages, slowest first, and the pixels of a page.
+///
+/// The names are those of the axes: x, y, z, t for time steps, c for channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "each order is its name")]
 pub enum ArrayAxes {
     /// `a[x, y, z]`, as nibabel and pynrrd return arrays.
     Xyz,
-    /// `a[z, y, x]`, as tifffile, scikit-image and napari return arrays.
+    /// `a[z, y, x]`, as tifffile, scikit-image and napari return arrays; the pages of a TIFF file are slices.
     Zyx,
+    Tyx,
+    Cyx,
+    Tzyx,
+    Ztyx,
+    Czyx,
+    Zcyx,
+    Tcyx,
+    Ctyx,
+    Tczyx,
+    Tzcyx,
+    Ctzyx,
+    Cztyx,
+    Ztcyx,
+    Zctyx,
 }
 
 impl ArrayAxes {
-    /// Both orders.
-    pub const ALL: [Self; 2] = [Self::Xyz, Self::Zyx];
+    /// All orders.
+    pub const ALL: [Self; 16] = [
+        Self::Xyz,
+        Self::Zyx,
+        Self::Tyx,
+        Self::Cyx,
+        Self::Tzyx,
+        Self::Ztyx,
+        Self::Czyx,
+        Self::Zcyx,
+        Self::Tcyx,
+        Self::Ctyx,
+        Self::Tczyx,
+        Self::Tzcyx,
+        Self::Ctzyx,
+        Self::Cztyx,
+        Self::Ztcyx,
+        Self::Zctyx,
+    ];
 
-    /// Name of the order: `xyz` or `zyx`.
+    /// The orders of an array of three axes.
+    pub const OF_ARRAYS: [Self; 2] = [Self::Xyz, Self::Zyx];
+
+    /// Name of the order, such as `zyx`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Xyz => "xyz",
             Self::Zyx => "zyx",
+            Self::Tyx => "tyx",
+            Self::Cyx => "cyx",
+            Self::Tzyx => "tzyx",
+            Self::Ztyx => "ztyx",
+            Self::Czyx => "czyx",
+            Self::Zcyx => "zcyx",
+            Self::Tcyx => "tcyx",
+            Self::Ctyx => "ctyx",
+            Self::Tczyx => "tczyx",
+            Self::Tzcyx => "tzcyx",
+            Self::Ctzyx => "ctzyx",
+            Self::Cztyx => "cztyx",
+            Self::Ztcyx => "ztcyx",
+            Self::Zctyx => "zctyx",
         }
     }
 

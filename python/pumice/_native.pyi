@@ -517,6 +517,10 @@ class Volume:
         """
         Number of voxels of each label.
         """
+    def write(self, /, path: str | PathLike[str], *, write_as: tuple[str | None, str | None, bool, str | None, bool, SupportsIndex | None], job: Job | None = None) -> list[str]:
+        """
+        Writes the labels in a format of other programs; returns what the format does not hold, a line each.
+        """
 
 def _end_calls() -> None:
     """

@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native, arguments, blocks, dimension_names
-from .arguments import Axes, Choice, Level, Path, Reading
+from .arguments import Axes, Choice, Encoding, Level, OmeVersion, Path, Reading, Store
 from .checked import checked
 from .errors import InputError, PumiceWarning
 from .label_table import AnnotationTable
@@ -204,6 +204,31 @@ class Volume:
         to = arguments.path("path", path)
         self._native.save(to, level, job)
         self._source = (os.path.abspath(to), arguments.ReadAs())
+
+    @checked
+    def write(
+        self,
+        path: Path,
+        *,
+        format: Store | None = None,
+        ome_version: OmeVersion | None = None,
+        shards: bool = False,
+        encoding: Encoding | None = None,
+        gzip: bool = False,
+        chunk: int | None = None,
+        job: Job | None = None,
+    ) -> None:
+        """Writes the labels for other programs, whole or not at all: `.nrrd`, `.npy`, `.nii`, `.nii.gz` or `.tif`, or a new folder.
+
+        A name that ends with `.zarr` or `.precomputed`, or `format`, makes a folder of OME-Zarr (`ome_version` 0.5, or 0.4 on Zarr 2; `shards`
+        puts 8 × 8 × 8 chunks into a file) or Neuroglancer precomputed (`encoding` compressed_segmentation or raw; `gzip`). `chunk` is the side
+        of a chunk in voxels, 8 to 128, by default 64. Names, types, colours and numbers of labels go with the volume. A `PumiceWarning` tells
+        what a folder does not hold. A folder that exists is not replaced.
+        """
+        to = arguments.path("path", path)
+        write_as = (format, ome_version, bool(shards), encoding, bool(gzip), chunk)
+        for note in self._native.write(to, write_as=write_as, job=job):
+            warnings.warn(note, PumiceWarning, stacklevel=3)
 
     @checked
     def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:

@@ -8,11 +8,14 @@ use std::sync::{Arc, Mutex};
 use glam::DAffine3;
 use pumice_core::{
     BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Error as CoreError, LabelBlock,
-    LabelBuffer, LabelNote, LabelType, TypeTable, Unit, Verification, VolumeInfo,
+    LabelBuffer, LabelNote, LabelType, Outputs, TypeTable, Unit, Verification, VolumeInfo,
 };
 use pumice_export::{CoarseSurface, Corners, Interfaces, QuadMesh};
 use pumice_session::values::label_type;
-use pumice_session::{ArrayAxes, LabelRows, OpenOptions, RawLayout, Residence, Roi, Scale, SessionError};
+use pumice_session::{
+    ArrayAxes, LabelRows, OmeVersion, OpenOptions, PrecomputedEncoding, RawLayout, Residence, Roi, Scale,
+    SessionError, StoreName,
+};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -69,8 +72,12 @@ pub(crate) fn reading(
     let roi: Option<Roi> = parsed("roi", roi)?;
     let missing_chunks = parsed("missing_chunks", missing_chunks)?;
     let order = |name: String| {
-        ArrayAxes::of_name(&name)
-            .ok_or_else(|| input(&format_args!("axes: expected 'xyz' or 'zyx', got {name:?}")))
+        ArrayAxes::of_name(&name).ok_or_else(|| {
+            input(&format_args!(
+                "axes: expected one of {}, got {name:?}",
+                ArrayAxes::ALL.map(ArrayAxes::name).join(" ")
+            ))
+        })
     };
     let axes = axes.map(order).transpose()?;
     let raw = raw.map(|(dims, name, big_endian, offset)| {
@@ -98,6 +105,35 @@ pub(crate) fn reading(
 }
 
 /// The value of a keyword that has a text form.
+/// What a volume is written as: format, version of OME, shards, encoding, gzip and side of a chunk; a `pumice.arguments.WriteAs`.
+type WriteAs = (Option<String>, Option<String>, bool, Option<String>, bool, Option<u32>);
+
+fn writing(
+    (format, ome_version, shards, encoding, gzip, chunk): WriteAs,
+) -> PyResult<pumice_session::WriteAs> {
+    fn named<T: Copy>(
+        keyword: &str,
+        text: Option<String>,
+        all: &[T],
+        name: fn(T) -> &'static str,
+    ) -> PyResult<Option<T>> {
+        let Some(text) = text else { return Ok(None) };
+        let found = all.iter().copied().find(|&value| name(value) == text);
+        let names: Vec<&str> = all.iter().map(|&value| name(value)).collect();
+        found.map(Some).ok_or_else(|| {
+            input(&format_args!("{keyword}: expected one of {}, got {text:?}", names.join(" ")))
+        })
+    }
+    Ok(pumice_session::WriteAs {
+        format: named("format", format, &StoreName::ALL, StoreName::name)?,
+        ome_version: named("ome_version", ome_version, &OmeVersion::ALL, OmeVersion::name)?,
+        shards,
+        encoding: named("encoding", encoding, &PrecomputedEncoding::ALL, PrecomputedEncoding::name)?,
+        gzip,
+        chunk,
+    })
+}
+
 fn parsed<T: FromStr<Err = String>>(keyword: &str, text: Option<String>) -> PyResult<Option<T>> {
     text.map(|text| text.parse::<T>().map_err(|e| input(&format_args!("{keyword}: {e}")))).transpose()
 }
@@ -335,6 +371,25 @@ impl Volume {
         let level = level_of(level)?;
         let job = job_of(job);
         released(py, &job, || self.0.save(&path, level, &job))
+    }
+
+    /// Writes the labels in a format of other programs; returns what the format does not hold, a line each.
+    #[pyo3(signature = (path, *, write_as, job=None))]
+    fn write(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        write_as: WriteAs,
+        job: Option<&Bound<'_, Job>>,
+    ) -> PyResult<Vec<String>> {
+        let how = writing(write_as)?;
+        let job = job_of(job);
+        released(py, &job, || {
+            if how.store(&path)?.is_none() {
+                Outputs::default().declare(&path)?;
+            }
+            pumice_session::write_labels_of(&self.0, &path, &how, &job)
+        })
     }
 
     /// Compares with a file, or with blocks; `None` if every voxel and id is the same, else the first difference.

@@ -1,4 +1,4 @@
-//! Compresses a label volume into a `.pumice` file, decompresses it, and verifies that nothing was lost.
+//! Compresses a label volume into a `.pumice` file, and verifies that nothing was lost.
 
 use std::path::{Path, PathBuf};
 
@@ -174,25 +174,6 @@ pub fn verify_file(pumice: &Path, input: &Path, reading: &OpenOptions, job: &Job
     let volume = CompressedVolume::open(pumice, job)?;
     let mut source = pumice_formats::open(input, reading)?;
     Ok(pumice_core::verify(&volume, source.as_mut(), job)?)
-}
-
-/// Writes the labels of a `.pumice` file in the format that the extension of `out` names.
-///
-/// # Errors
-/// When the file is damaged, the extension names no known format, or the output cannot be written.
-pub fn decompress_file(pumice: &Path, out: &Path, job: &Job) -> Result<()> {
-    let outputs = Outputs::default();
-    outputs.declare(out)?;
-    outputs.check_input(pumice)?;
-    let volume = CompressedVolume::open(pumice, job)?;
-    let info = volume.info().clone();
-    job.begin(info.voxels());
-    pumice_formats::write::write_volume(out, &info, &mut |origin, dims| {
-        job.check()?;
-        job.advance(dims.iter().map(|&d| u64::from(d)).product());
-        volume.decode_ids(origin, dims)
-    })?;
-    Ok(())
 }
 
 /// Largest table of types that is read: 10⁷ labels with names of some 90 bytes.

@@ -6,6 +6,7 @@ pub mod backend;
 pub mod compare_files;
 pub mod compress_file;
 pub mod cycles;
+pub mod decompress_file;
 mod denoise;
 pub mod error;
 pub mod export_file;
@@ -37,9 +38,8 @@ pub mod verify_render;
 
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
-pub use compress_file::{
-    CompressOutcome, CompressRequest, compress_file, decompress_file, read_types, verify_file,
-};
+pub use compress_file::{CompressOutcome, CompressRequest, compress_file, read_types, verify_file};
+pub use decompress_file::{StoreName, WriteAs, decompress_file, write_labels_of};
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info, shown_info};
@@ -58,6 +58,7 @@ pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{ChunkGrid, ChunkSet, CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
+pub use pumice_formats::write_store::{OmeVersion, PrecomputedEncoding};
 pub use pumice_formats::{
     ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings,
 };
