@@ -470,10 +470,10 @@ mod tests {
     fn a_pattern_must_save_more_than_it_takes() {
         // A use saves three words where a slice is not in the table, otherwise one; a pattern takes four.
         let leaves = Leaves::of_fields([vec![0xF0; 4], vec![0xF; 5]].concat());
-        assert_eq!(leaves.patterns, [0xF]);
+        assert_eq!(leaves.patterns(), [0xF]);
         // Fields mirrored along y have one pattern.
         let leaves = Leaves::of_fields([vec![0xF000; 3], vec![0xF; 2], vec![0x8]].concat());
-        assert_eq!(leaves.patterns, [0xF]);
+        assert_eq!(leaves.patterns(), [0xF]);
     }
 
     #[test]

@@ -57,17 +57,6 @@ pub(super) fn check(v: &CompressedVolume) -> Finding {
     check_counts(v, &counts)
 }
 
-/// Checks the boxes of a volume that holds one chunk alone, and adds each label's voxels to `counts`. Once all chunks are checked,
-/// [`check_counts`] compares them.
-pub(super) fn check_chunk(v: &CompressedVolume, counts: &mut [u64]) -> Finding {
-    check_chunks(v)?;
-    check_runs(v)?;
-    let mut nodes = Nodes::within(v.nodes.len());
-    (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
-    check_boxes(v, &nodes)?;
-    count_voxels(v, &nodes, counts)
-}
-
 /// Checks the leaves, runs, nodes and boxes of a volume of one chunk, which need not be all of a volume; `visit` gets each label with its
 /// voxels.
 pub(super) fn check_chunk(v: &CompressedVolume, mut visit: impl FnMut(u32, u64)) -> Finding {

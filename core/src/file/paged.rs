@@ -96,7 +96,7 @@ pub(super) fn read_pages(
         (volume.boxes, volume.nodes, volume.leaves) = (boxes.into(), words.into(), vec![leaves]);
         let in_chunk =
             |(section, what): ([u8; 4], String)| wrong((section, format!("in chunk {c} alone: {what}")));
-        check::check_chunk(&volume, &mut counts).map_err(in_chunk)?;
+        check::check_chunk(&volume, |label, n| counts[label as usize] += n).map_err(in_chunk)?;
         pages.add_chunk(&volume, job)?;
     }
     if let Some(plain) = plain {

@@ -43,9 +43,9 @@ pub(super) fn read_chunk(
         })?;
     }
     let leaves = Leaves {
-        patterns: sections.elements_of(b"LEAF", own, u64::from_le_bytes)?,
-        slices: sections.elements_of(b"SLIC", own, u16::from_le_bytes)?,
-        rare: sections.elements_of(b"RARE", own, u64::from_le_bytes)?,
+        patterns: sections.elements_of(b"LEAF", own, u64::from_le_bytes)?.into(),
+        slices: sections.elements_of(b"SLIC", own, u16::from_le_bytes)?.into(),
+        rare: sections.elements_of(b"RARE", own, u64::from_le_bytes)?.into(),
     };
     let mut take = |name| sections.take_of(name, own);
     let streams = Streams {
