@@ -116,7 +116,7 @@ mod tests {
                 for id_bytes in [4, 8] {
                     let most = if id_bytes == 4 { u64::from(u32::MAX) } else { u64::MAX };
                     let ids: Vec<u64> = (0..dims.iter().product::<u32>())
-                        .map(|_| (most - random() % different) & most)
+                        .map(|_| most.wrapping_sub(random() % different) & most)
                         .collect();
                     let bytes = Encoder::new(id_bytes).encode(&ids, dims).unwrap();
                     let back = decode(&bytes, dims.map(u64::from), 1, [8; 3], id_bytes).unwrap();
