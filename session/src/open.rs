@@ -75,7 +75,7 @@ pub enum Residence {
 }
 
 /// Voxels along the side of a page: [the measured choice](../../docs/rendering-large-volumes.md#the-size-of-a-page).
-const PAGE_VOXELS: u32 = 128;
+const PAGE_VOXELS: u32 = 64;
 
 impl Residence {
     /// Mapped, or where memory is limited on disk.
