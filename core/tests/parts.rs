@@ -181,7 +181,7 @@ fn what_does_not_belong_together_is_refused_by_name() {
         CompressedVolume::open_labels(&zero, |l| vec![true; l.len()], &Job::new()).unwrap_err().to_string();
     assert!(error.contains("got a part of one"), "{error}");
     merged(&[zero.clone(), rest.clone()], &out, level).unwrap();
-    let error = merged(&[out.clone()], &at("again"), level).unwrap_err().to_string();
+    let error = merged(std::slice::from_ref(&out), &at("again"), level).unwrap_err().to_string();
     assert!(error.contains("expected a part of a volume, got a volume"), "{error}");
     let info = read_part(&rest, &Job::new()).unwrap();
     assert_eq!((info.chunks.to_string(), info.source, info.volume.dims), ("1-2".into(), from("a", ""), dims));

@@ -67,7 +67,7 @@ fn answers(tracer: &VolumeTracer, dims: [u32; 3], rays: u64) -> Vec<String> {
         let mut point = || DVec3::new(random.unit(), random.unit(), random.unit()) * size * 1.4 - 0.2 * size;
         let (mut origin, target) = (point(), point());
         let mut direction = target - origin;
-        if number % 4 == 0 {
+        if number.is_multiple_of(4) {
             // Along an axis and along planes of voxels.
             let axis = (number / 4 % 3) as usize;
             direction = DVec3::AXES[axis] * direction[axis].signum();
