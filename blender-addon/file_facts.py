@@ -50,6 +50,9 @@ class Facts:
     def answers_for(self, path, answers):
         """The answers that a file takes: those to what it leaves open, and what is no answer, such as the voxel size."""
         left = _choices(self.of(path, {}))
+        if "axes" in left and "axes" in answers:
+            # What the pages of a TIFF file are decides whether there are time steps and channels.
+            left = {"axes": left["axes"]} | _choices(self.of(path, {"axes": answers["axes"]}))
         return {name: value for name, value in answers.items() if name not in KEYWORDS or name in left}
 
     def menu(self, keyword):

@@ -18,9 +18,15 @@ from bpy_extras.io_utils import ImportHelper
 from . import cache, file_facts
 
 AXES = (
-    ("file", "As the File Says", "Arrays of NumPy, and plain ones of Zarr and HDF5, do not say which axis is which; a warning tells what is assumed", 0),
+    ("file", "As the File Says", "Arrays of NumPy, and plain ones of Zarr and HDF5, do not say which axis is which, nor do some TIFF files; a warning tells what is assumed", 0),
     ("xyz", "X, Y, Z", "An array a[x, y, z], as of nibabel and pynrrd. The wrong order mirrors the volume", 1),
-    ("zyx", "Z, Y, X", "An array a[z, y, x], as of tifffile, scikit-image and napari. The wrong order mirrors the volume", 2),
+    ("zyx", "Z, Y, X", "An array a[z, y, x], as of tifffile, scikit-image and napari. The wrong order mirrors the volume. Pages of a TIFF file are slices", 2),
+    *(
+        (name, ", ".join(name.upper()), "What the pages of a TIFF file are, slowest first: Z slices, T time steps, C channels", 3 + number)
+        for number, name in enumerate(
+            ("tyx", "cyx", "tzyx", "ztyx", "czyx", "zcyx", "tcyx", "ctyx", "tczyx", "tzcyx", "ctzyx", "cztyx", "ztcyx", "zctyx")
+        )
+    ),
 )
 NAMES = {
     "dataset": "Data Set",
@@ -117,7 +123,7 @@ class ImportDialog(ImportHelper):
         default="",
         options={"SKIP_SAVE"},
     )
-    axes: EnumProperty(name="Axes", description="Order of the axes of an array whose file does not say it", items=AXES, default="file", options={"SKIP_SAVE"})
+    axes: EnumProperty(name="Axes", description="Order of the axes of an array whose file does not say it, or what the pages of a TIFF file are", items=AXES, default="file", options={"SKIP_SAVE"})
     layer_menu: _menu("layer")
     time_menu: _menu("time")
     channel_menu: _menu("channel")
@@ -215,8 +221,8 @@ class ImportDialog(ImportHelper):
             name.label(text="Axes")
             row = split.row(align=True)
             row.use_property_split = False
-            for axes in ("xyz", "zyx"):
-                row.prop_enum(self, "axes", axes)
+            for order in _facts.open_choice("axes")["values"]:
+                row.prop_enum(self, "axes", order["value"])
 
     def _open_dialog(self, context):
         """Opens the dialog for the files of the file browser, once the browser is closed."""

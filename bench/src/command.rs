@@ -8,7 +8,7 @@ use pumice_core::Job;
 use crate::console::{BenchResult, Console, Outcome};
 use crate::{
     backends, convergence, denoise, embree, errors, export, extremes, instances, live, lod, needs, paper,
-    peers, shaders, sizes, speeds, stability,
+    peers, residency, shaders, sizes, speeds, stability,
 };
 
 /// Measure, and print a table
@@ -35,6 +35,7 @@ enum Kind {
     Live(live::Flags),
     Backends(backends::Flags),
     Instances(instances::Flags),
+    Residency(residency::Flags),
     Embree(embree::Flags),
     Shaders(shaders::Flags),
 }
@@ -62,6 +63,7 @@ impl Bench {
             Kind::Live(flags) => live::run(flags, job, console),
             Kind::Backends(flags) => backends::run(flags, job, console),
             Kind::Instances(flags) => instances::run(flags, job, console),
+            Kind::Residency(flags) => residency::run(flags, job, console),
             Kind::Embree(flags) => embree::run(flags, job, console),
             Kind::Shaders(flags) => shaders::run(flags, job, console),
         }

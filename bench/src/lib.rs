@@ -5,6 +5,7 @@
 //! | module | measures | compares with |
 //! |---|---|---|
 //! | [`sizes`], [`speeds`] | bytes by part and level; CPU seconds of each step, rays per second | |
+//! | [`residency`] | seconds of a picture against the bytes of its volume in memory | everything in memory |
 //! | [`shaders`] | registers, spills, instructions of compiled shaders | |
 //! | [`backends`], [`live`], [`instances`] | rays and frames; latency of an edit; many instances | |
 //! | [`errors`], [`lod`] | relMSE over seconds; by level of detail | a picture of many samples |
@@ -37,6 +38,7 @@ pub mod needs;
 pub mod paper;
 pub mod peers;
 pub mod ray_sets;
+pub mod residency;
 pub mod shaders;
 pub mod sizes;
 pub mod speeds;

@@ -10,6 +10,7 @@ mod devices;
 mod export;
 mod figure;
 mod info;
+mod merge;
 mod pick;
 mod reading;
 mod render;
@@ -28,8 +29,9 @@ pub(crate) use demo::Demo;
 pub(crate) use devices::Devices;
 pub(crate) use export::{Export, FormArg, ReaderArg};
 pub(crate) use info::{Info, LabelList};
+pub(crate) use merge::Merge;
 pub(crate) use pick::Pick;
-pub(crate) use reading::{Axes, Missing, Reading};
+pub(crate) use reading::{Missing, Reading};
 pub(crate) use render::{LodArg, Render, RenderMode, ViewArg};
 pub(crate) use table::Table;
 pub(crate) use verify::Verify;
@@ -55,6 +57,7 @@ input, or verify-render cannot tell, explained in one line on standard error.";
 pub(crate) enum Command {
     Demo(Demo),
     Compress(Compress),
+    Merge(Merge),
     Info(Info),
     Table(Table),
     Verify(Verify),

@@ -46,6 +46,7 @@ fn main() -> ExitCode {
     let run = || match cli.command {
         Command::Demo(a) => commands::demo::run(&a, &job),
         Command::Compress(a) => commands::compress::run(&a, &job),
+        Command::Merge(a) => commands::merge::run(&a, &job),
         Command::Info(a) => commands::info::run(&a, &job),
         Command::Table(a) => commands::table::run(&a, &job),
         Command::Verify(a) => commands::verify::run(&a, &job),

@@ -20,8 +20,8 @@ use crate::store::{PartStore, StoredParts};
 use crate::volume::MAX_DIM;
 use crate::volume_sink::VolumeSink;
 use crate::{
-    ArraySource, BlockSource, CompressedVolume, CompressionLevel, Error, Job, LabelBlock, LabelBuffer,
-    Result, VolumeInfo, WrittenVolume,
+    ArraySource, BlockSource, CHUNK_VOXELS, ChunkGrid, ChunkSet, CompressedVolume, CompressionLevel, Error,
+    Job, LabelBlock, LabelBuffer, PartSource, Result, VolumeInfo, WrittenVolume, morton,
 };
 
 /// Options of compression. Only `types` changes the bytes of the result.
@@ -60,7 +60,8 @@ pub fn compress(
     job: &Job,
 ) -> Result<CompressedVolume> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let (info, parts, labelled) = parts_of(source, options, &folder, job)?;
+    let expected = source.info().voxels();
+    let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
     let known = Known { labelled: Some(labelled), touching: None };
     volume_of_parts(info, parts, &known, options, &folder, job)
 }
@@ -80,7 +81,8 @@ pub fn compress_to_file(
     job: &Job,
 ) -> Result<WrittenVolume> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let (info, parts, labelled) = parts_of(source, options, &folder, job)?;
+    let expected = source.info().voxels();
+    let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
     let known = Known { labelled: Some(labelled), touching: None };
     let budget = Budget::new(options.memory_limit_bytes, info.dims, &folder);
     let mut describe = |volume: &mut CompressedVolume| {
@@ -90,13 +92,50 @@ pub fn compress_to_file(
         describe(volume)
     };
     on_threads(options, || {
-        file::finish_into_file(path, level, info, parts, &known, &budget, &mut describe, job)
+        file::finish_into_file(path, level, info, parts, &known, &budget, None, &mut describe, job)
     })
 }
 
-/// Reads all blocks of a source; returns the volume's info, what its chunks have, and the number of labelled voxels.
+/// Compresses some chunks of a volume into a file that [`crate::merge_parts`] joins with those of the others. `source` describes the whole volume
+/// and delivers the voxels of these chunks alone. Names and types are given when parts are joined; [`CompressOptions::types`] has no effect.
+///
+/// # Errors
+/// As [`compress_to_file`]; [`Error::Caller`] for chunks that the volume does not have, and for voxels of another chunk.
+pub fn compress_part(
+    source: &mut dyn BlockSource,
+    chunks: &ChunkSet,
+    from: &PartSource,
+    path: &Path,
+    options: &CompressOptions,
+    job: &Job,
+) -> Result<WrittenVolume> {
+    let grid = ChunkGrid::new(source.info().dims);
+    chunks.check(&grid)?;
+    let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
+    let (info, parts, labelled) = parts_of(source, chunks.voxels(&grid), options, &folder, job)?;
+    for code in parts.codes() {
+        let number = grid.number(morton::decode(code).map(|c| c * CHUNK_VOXELS));
+        if !chunks.contains(number) {
+            return Err(Error::Caller(format!(
+                "the source's blocks: expected voxels of chunks {chunks} alone, got some of chunk {number}"
+            )));
+        }
+    }
+    let known = Known { labelled: Some(labelled), touching: None };
+    // As for the whole volume: what one chunk needs depends on the chunk.
+    let budget = Budget::new(options.memory_limit_bytes, info.dims, &folder);
+    let head = file::PartHead::new(chunks.clone(), grid.chunks(), from.clone());
+    let level = CompressionLevel::Default;
+    let mut describe = |_: &mut CompressedVolume| Ok(());
+    on_threads(options, || {
+        file::finish_into_file(path, level, info, parts, &known, &budget, Some(&head), &mut describe, job)
+    })
+}
+
+/// Reads all blocks of a source, which have `expected` voxels; returns the volume's info, what its chunks have, and the number of labelled voxels.
 fn parts_of(
     source: &mut dyn BlockSource,
+    expected: u64,
     options: &CompressOptions,
     folder: &Path,
     job: &Job,
@@ -108,12 +147,16 @@ fn parts_of(
     // Records get a quarter of the limit, and waiting blocks at most another quarter.
     let bytes = options.memory_limit_bytes.unwrap_or_else(|| bytes_without_limit(info.dims));
     let store = PartStore::new(bytes / 4, options.memory_limit_bytes, folder);
-    let labelled = make_parts(source, &store, options.thread_count(), options.memory_limit_bytes, job)?;
+    let threads = options.thread_count();
+    let labelled = make_parts(source, expected, &store, threads, options.memory_limit_bytes, job)?;
     Ok((info, store.into_parts()?, labelled))
 }
 
 /// Runs work on as many threads as the options say.
-fn on_threads<T: Send>(options: &CompressOptions, work: impl FnOnce() -> Result<T> + Send) -> Result<T> {
+pub(crate) fn on_threads<T: Send>(
+    options: &CompressOptions,
+    work: impl FnOnce() -> Result<T> + Send,
+) -> Result<T> {
     let threads = options.thread_count();
     let pool =
         rayon::ThreadPoolBuilder::new().num_threads(threads).build().map_err(|e| no_threads(threads, e))?;
@@ -173,13 +216,13 @@ fn check(info: &VolumeInfo) -> Result<()> {
 /// Adds the parts of all blocks of a source to a store and returns the number of labelled voxels.
 fn make_parts(
     source: &mut dyn BlockSource,
+    expected: u64,
     store: &PartStore,
     threads: usize,
     limit_bytes: Option<u64>,
     job: &Job,
 ) -> Result<u64> {
     let dims = source.info().dims;
-    let expected = source.info().voxels();
     job.begin(expected);
     let (send, receive) = sync_channel::<LabelBlock>(threads);
     let receive = Mutex::new(receive);

@@ -10,8 +10,8 @@ use std::path::Path;
 
 use xxhash_rust::xxh3::Xxh3;
 
-use crate::CompressedVolume;
 use crate::leaves::Class;
+use crate::{BoxView, CompressedVolume};
 
 /// Bytes of boxes that are hashed at once.
 const PIECE: usize = 1 << 14;
@@ -27,30 +27,40 @@ impl CompressedVolume {
 
     fn hash_of_boxes(&self) -> u128 {
         let mut hash = begun(self.info.dims, self.labels.ids());
+        self.add_boxes(&mut hash);
+        hash.digest128()
+    }
+
+    /// Adds all boxes to a hash.
+    pub(crate) fn add_boxes(&self, hash: &mut Xxh3) {
         // Hashing is fastest in large pieces.
         let mut bytes = Vec::with_capacity(PIECE + MOST_BYTES_OF_BOX);
         self.for_each_box(|label, b| {
-            for v in b.origin.iter().chain(&b.extent).chain([&label]) {
-                bytes.extend(v.to_le_bytes());
-            }
-            bytes.extend(b.node.occupied.to_le_bytes());
-            let (at, mut solid) = (bytes.len(), 0u64);
-            bytes.extend(solid.to_le_bytes());
-            for ((_, class), (c, field)) in b.node.classes().zip(b.node.fields()) {
-                match class {
-                    Class::Solid => solid |= 1 << c,
-                    _ => bytes.extend_from_slice(&field.to_le_bytes()),
-                }
-            }
-            bytes[at..at + 8].copy_from_slice(&solid.to_le_bytes());
+            append_box(&mut bytes, label, &b);
             if bytes.len() >= PIECE {
                 hash.update(&bytes);
                 bytes.clear();
             }
         });
         hash.update(&bytes);
-        hash.digest128()
     }
+}
+
+/// Appends what is hashed of a box.
+fn append_box(bytes: &mut Vec<u8>, label: u32, b: &BoxView<'_>) {
+    for v in b.origin.iter().chain(&b.extent).chain([&label]) {
+        bytes.extend(v.to_le_bytes());
+    }
+    bytes.extend(b.node.occupied.to_le_bytes());
+    let (at, mut solid) = (bytes.len(), 0u64);
+    bytes.extend(solid.to_le_bytes());
+    for ((_, class), (c, field)) in b.node.classes().zip(b.node.fields()) {
+        match class {
+            Class::Solid => solid |= 1 << c,
+            _ => bytes.extend_from_slice(&field.to_le_bytes()),
+        }
+    }
+    bytes[at..at + 8].copy_from_slice(&solid.to_le_bytes());
 }
 
 /// The hash of what comes before the boxes.

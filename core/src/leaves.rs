@@ -27,6 +27,8 @@
 //! slice. Slices across z are best: slices across another axis make references 7 % larger, differences between slices 13 %. Rendering takes
 //! as much CPU time as with a dictionary of 65,536 leaves (1.36 CPU s for 480 × 270 pixels of 8 samples, both).
 
+use std::sync::Arc;
+
 use rustc_hash::FxHashMap;
 
 use crate::Result;
@@ -60,9 +62,10 @@ pub(crate) enum Class {
 /// The tables of leaves that the nodes of a volume share.
 #[derive(Clone, Debug, Default, PartialEq, Eq)]
 pub struct Leaves {
-    pub(crate) patterns: Vec<u64>,
-    pub(crate) slices: Vec<u16>,
-    pub(crate) rare: Vec<u64>,
+    // (Shared by the pages of a volume; an access costs what that to a `Vec` does.)
+    pub(crate) patterns: Arc<[u64]>,
+    pub(crate) slices: Arc<[u16]>,
+    pub(crate) rare: Arc<[u64]>,
 }
 
 /// Mask that is XORed with a voxel's number in its cell to mirror the field along the axes of `mirrors` (bit 0: x).
@@ -198,7 +201,8 @@ impl Leaves {
     /// The leaves with these slices, and the number of words that they and all references take.
     fn with_slices(slices: Vec<u16>, counted: &CountedParts<'_>) -> Result<(u64, Self)> {
         let numbers = SliceNumbers::new(&slices);
-        let mut leaves = Self { patterns: Vec::new(), slices, rare: Vec::new() };
+        let mut leaves = Self { slices: slices.into(), ..Self::default() };
+        let mut rare: Vec<u64> = Vec::new();
         let long = leaves.words_of(Class::Long) as u64;
         let is_rare = |highest: usize| long == 3 && highest >= MAX_SLICES;
         // Words of a field that has no pattern.
@@ -206,9 +210,8 @@ impl Leaves {
             highest if highest < SHORT_SLICES => 2 * c.uses,
             highest => long * c.uses + if is_rare(highest) { 4 } else { 0 },
         };
-        leaves.patterns = heaviest_patterns(counted, |c| words(c) - c.uses)?;
-
-        let mut patterns = leaves.patterns.clone();
+        let mut patterns = heaviest_patterns(counted, |c| words(c) - c.uses)?;
+        leaves.patterns = patterns.as_slice().into();
         patterns.sort_unstable();
         let mut total = leaves.slices.len() as u64 + WORDS_OF_PATTERN * patterns.len() as u64;
         counted.for_each(|part| {
@@ -219,14 +222,14 @@ impl Leaves {
                 }
                 total += words(c);
                 if is_rare(numbers.of(c.field).1) {
-                    make_room(&mut leaves.rare, 1, FIELDS)?;
-                    leaves.rare.push(c.field);
+                    make_room(&mut rare, 1, FIELDS)?;
+                    rare.push(c.field);
                 }
             }
             Ok(())
         })?;
-        leaves.rare.sort_unstable();
-        leaves.rare.shrink_to_fit();
+        rare.sort_unstable();
+        leaves.rare = rare.into();
         Ok((total, leaves))
     }
 
@@ -267,8 +270,8 @@ impl Leaves {
 
     /// Bytes held on the heap.
     pub fn bytes(&self) -> u64 {
-        let fields = self.patterns.capacity() + self.rare.capacity();
-        (fields * size_of::<u64>() + self.slices.capacity() * size_of::<u16>()) as u64
+        let fields = self.patterns.len() + self.rare.len();
+        (fields * size_of::<u64>() + self.slices.len() * size_of::<u16>()) as u64
     }
 
     /// The pattern and the flip of a ranked reference.
@@ -317,7 +320,7 @@ pub(crate) struct LeafIndex<'a> {
 impl<'a> LeafIndex<'a> {
     pub(crate) fn new(leaves: &'a Leaves) -> Self {
         let mut ranked = FxHashMap::with_capacity_and_hasher(8 * leaves.patterns.len(), Default::default());
-        for (i, &pattern) in (0u16..).zip(&leaves.patterns) {
+        for (i, &pattern) in (0u16..).zip(leaves.patterns.iter()) {
             for mirrors in 0..8u16 {
                 let image = flipped(pattern, flip_of(mirrors.into()));
                 ranked.entry(image).or_insert(mirrors << 13 | i);
@@ -467,10 +470,10 @@ mod tests {
     fn a_pattern_must_save_more_than_it_takes() {
         // A use saves three words where a slice is not in the table, otherwise one; a pattern takes four.
         let leaves = Leaves::of_fields([vec![0xF0; 4], vec![0xF; 5]].concat());
-        assert_eq!(leaves.patterns, [0xF]);
+        assert_eq!(leaves.patterns(), [0xF]);
         // Fields mirrored along y have one pattern.
         let leaves = Leaves::of_fields([vec![0xF000; 3], vec![0xF; 2], vec![0x8]].concat());
-        assert_eq!(leaves.patterns, [0xF]);
+        assert_eq!(leaves.patterns(), [0xF]);
     }
 
     #[test]

@@ -23,14 +23,27 @@ const WHAT: &str = "a part of the volume";
 const READ_BYTES: usize = 1 << 16;
 
 /// A temporary file that takes what does not fit into memory. It is made when it is first needed.
-pub(crate) struct Scratch {
+pub struct Scratch {
     folder: PathBuf,
     file: Mutex<Option<(std::sync::Arc<File>, u64)>>,
 }
 
+impl std::fmt::Debug for Scratch {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        f.debug_struct("Scratch").field("folder", &self.folder).finish_non_exhaustive()
+    }
+}
+
 impl Scratch {
-    pub(crate) fn new(folder: &Path) -> Self {
+    /// None yet, in this folder.
+    pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), file: Mutex::default() }
+    }
+
+    /// Another one in the same folder.
+    #[must_use]
+    pub fn another(&self) -> Self {
+        Self::new(&self.folder)
     }
 
     pub(crate) fn error(&self, source: std::io::Error) -> Error {
@@ -38,7 +51,10 @@ impl Scratch {
     }
 
     /// Appends bytes; returns their place.
-    pub(crate) fn append(&self, bytes: &[u8]) -> Result<u64> {
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the folder, as where the disk is full.
+    pub fn append(&self, bytes: &[u8]) -> Result<u64> {
         // The end moves only after all bytes were written, so a failed write leaves the state as it was.
         let mut state = self.file.lock().unwrap_or_else(PoisonError::into_inner);
         let (file, end) = match &mut *state {
@@ -56,7 +72,10 @@ impl Scratch {
     }
 
     /// Reads bytes that were appended.
-    pub(crate) fn read(&self, bytes: &mut [u8], at: u64) -> Result<()> {
+    ///
+    /// # Errors
+    /// [`Error::Io`] with the folder.
+    pub fn read(&self, bytes: &mut [u8], at: u64) -> Result<()> {
         let open = self.file.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map(|(f, _)| f.clone());
         match open {
             Some(file) => read_exact_at(&file, bytes, at).map_err(|e| self.error(e)),

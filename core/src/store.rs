@@ -246,6 +246,11 @@ impl StoredParts {
         self.chunks.values().flatten().map(of_piece).sum()
     }
 
+    /// Morton codes of the chunks that have records, rising.
+    pub(crate) fn codes(&self) -> impl Iterator<Item = u64> + '_ {
+        self.chunks.keys().copied()
+    }
+
     /// Removes the records of the first chunk that is left; returns its Morton code too. `buffer_bytes` is for reading all of its parts.
     pub(crate) fn take_chunk(&mut self, buffer_bytes: u64) -> Option<(u64, ChunkRecords<'_>)> {
         let (code, pieces) = self.chunks.pop_first()?;

@@ -53,7 +53,8 @@ impl<'a> Touching<'a> {
         Ok(all)
     }
 
-    fn add(&mut self, pairs: &[u64]) -> Result<()> {
+    /// Adds pairs that were found already.
+    pub(crate) fn add(&mut self, pairs: &[u64]) -> Result<()> {
         for &pair in pairs {
             make_room_in_map(&mut self.pairs, PAIRS)?;
             self.pairs.insert(pair, ());

@@ -9,10 +9,10 @@
 //!
 //! A voxel belongs to at most one box. Boxes of one label never overlap; boxes of different labels may (paper §3.1).
 
-use std::sync::OnceLock;
+use std::sync::{Arc, OnceLock};
 
 use crate::grid::BoxGrid;
-use crate::{BoxRecord, Elements, LabelTable, Leaves, NodeRef, VolumeInfo};
+use crate::{BoxRecord, Elements, LabelTable, Leaves, NodeRef, Pages, VolumeInfo};
 
 /// Side of a chunk in voxels: 256 cells, so that a box's cell fits in 8 bits an axis.
 pub const CHUNK_VOXELS: u32 = 1024;
@@ -87,6 +87,8 @@ pub struct CompressedVolume {
     pub(crate) hash: OnceLock<u128>,
     /// Whether each label's boxes are held, by dense index; `None` where all labels were read.
     pub(crate) held: Option<Vec<bool>>,
+    /// Where the boxes are that are not in memory; `None` where all are.
+    pub(crate) pages: Option<Arc<Pages>>,
 }
 
 impl CompressedVolume {
@@ -103,6 +105,7 @@ impl CompressedVolume {
             grid: OnceLock::new(),
             hash: OnceLock::new(),
             held: None,
+            pages: None,
         }
     }
 
@@ -135,6 +138,9 @@ impl CompressedVolume {
         ];
         if let Some(grid) = self.grid.get() {
             parts.push(("index", grid.bytes()));
+        }
+        if let Some(pages) = &self.pages {
+            parts.push(("pages", pages.bytes()));
         }
         parts
     }
@@ -186,8 +192,17 @@ impl CompressedVolume {
         self.info.notes.binary_search_by_key(&id, |n| n.id).ok().map(|i| &self.info.notes[i])
     }
 
-    /// Visits all boxes in order, with their labels; cheaper than [`CompressedVolume::get_box`] for each.
-    pub fn for_each_box<'a>(&'a self, mut visit: impl FnMut(u32, BoxView<'a>)) {
+    /// Visits all boxes in order, with their labels; cheaper than [`CompressedVolume::get_box`] for each. Those of a volume whose boxes
+    /// are not in memory come page by page ([`Pages`]).
+    pub fn for_each_box(&self, visit: impl FnMut(u32, BoxView<'_>)) {
+        match &self.pages {
+            Some(pages) => pages.for_each_box(visit),
+            None => self.for_each_box_in_memory(visit),
+        }
+    }
+
+    /// [`CompressedVolume::for_each_box`] of a volume without pages.
+    pub(crate) fn for_each_box_in_memory(&self, mut visit: impl FnMut(u32, BoxView<'_>)) {
         for (c, chunk) in self.chunks.iter().enumerate() {
             let next = self.chunks.get(c + 1);
             let last_box = next.map_or(self.boxes.len() as u64, |n| n.first_box);

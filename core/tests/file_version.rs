@@ -85,7 +85,7 @@ fn the_contents_of_the_other_kind_are_refused() {
         let own = std::fs::read(&path).unwrap()[12];
         for (number, expected) in [
             (1 - u32::from(own), "expected the section, got none"),
-            (2, "contents: expected 0 (boxes) or 1 (voxels), got 2"),
+            (3, "contents: expected 0 (boxes), 1 (voxels) or 2 (a part), got 3"),
         ] {
             set_number(&path, 12, number);
             for opened in open_in_all_ways(&path) {

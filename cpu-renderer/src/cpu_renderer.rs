@@ -79,6 +79,11 @@ pub fn emitters_of(
 ) -> Result<Option<Emitters>, RenderError> {
     let volumes = tracer.volumes().iter().zip(0u32..).filter(|(_, i)| materials[*i as usize].is_emissive());
     let of_volumes = volumes.map(|(v, instance)| {
+        if v.volume().pages().is_some() {
+            return Err(RenderError::Scene(format!(
+                "memory limit: instances[{instance}] emits light, which needs the whole volume in memory: leave the limit out"
+            )));
+        }
         Ok(EmissiveGeometry::Volume {
             instance,
             volume: v.volume(),
@@ -325,6 +330,7 @@ impl Renderer for CpuRenderer {
         let (scene, film) = (shown.scene.scene(), shown.tracer.film());
         film_memory::check(&scene.film, film.kept(), scene.settings.adaptive, film.bytes())?;
         let mut picture = shown.tracer.picture()?;
+        shown.tracer.check()?;
         name_mattes(&mut picture, shown.scene.scene(), shown.scene.volumes());
         name_labels(&mut picture, shown.scene.scene(), shown.scene.volumes());
         Ok(picture)
@@ -356,6 +362,7 @@ impl Renderer for CpuRenderer {
             labelled.then_some(SeenLabel { instance: s.instance, label: s.label })
         };
         let labels = (0..width as usize * height as usize).into_par_iter().map(label).collect();
+        shown.tracer.check()?;
         if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(labels) }
     }
 

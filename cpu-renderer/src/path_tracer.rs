@@ -113,7 +113,8 @@ impl<T: Tracer> PathTracer<T> {
             let left = end.saturating_duration_since(Instant::now()).as_secs_f64();
             let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
             let most = MOST_SAMPLES_A_PASS.min(spp_limit.min(self.film.next_look()) - spp);
-            self.add_samples(spp + fit.clamp(1, most), job)?;
+            let least = self.tracer.least_samples_a_pass().min(most);
+            self.add_samples(spp + fit.clamp(least, most), job)?;
             if Instant::now() >= end {
                 break;
             }
@@ -140,7 +141,7 @@ impl<T: Tracer> PathTracer<T> {
         let kept = film.kept();
         let stride = kept.stride();
         film.rows_mut().par_bridge().for_each(|row| {
-            if job.is_cancelled() || *row.samples >= target {
+            if job.is_cancelled() || *row.samples >= target || tracer.failure().is_some() {
                 return;
             }
             for (x, sums) in row.sums.chunks_exact_mut(STRIDE).enumerate() {
@@ -176,11 +177,20 @@ impl<T: Tracer> PathTracer<T> {
         if job.is_cancelled() {
             return Err(RenderError::Cancelled);
         }
+        self.check()?;
         self.film.look()?;
         if target > before {
             self.seconds_a_sample = start.elapsed().as_secs_f64() / f64::from(target - before);
         }
         Ok(())
+    }
+
+    /// Whether all geometry could be read that rays met.
+    ///
+    /// # Errors
+    /// [`RenderError::Source`] with the reason.
+    pub fn check(&self) -> Result<(), RenderError> {
+        self.tracer.failure().map_or(Ok(()), |why| Err(RenderError::Source(why)))
     }
 
     /// Estimated relative error of the picture so far.

@@ -1,6 +1,6 @@
 //! Prints a volume's header as JSON and writes its voxels as little-endian u64, x fastest, to a file, for comparisons with other readers.
 //!
-//! `dump_volume FILE VOXELS.bin [--layer N] [--time N] [--channel N] [--array NAME] [--zyx] [--raw X,Y,Z,TYPE] [--scale LEVEL] [--roi REGION]
+//! `dump_volume FILE VOXELS.bin [--layer N] [--time N] [--channel N] [--array NAME] [--zyx] [--axes ORDER] [--raw X,Y,Z,TYPE] [--scale LEVEL] [--roi REGION]
 //! [--label NAME] [--dataset PATH] [--missing-chunks MEANING] [--relabel TABLE]`. It keeps the whole volume in memory, which the library
 //! never does. With `-` instead of VOXELS.bin it reads the blocks and drops them.
 
@@ -53,6 +53,7 @@ fn run(arguments: &[String]) -> Result<(), Box<dyn std::error::Error>> {
             "--label" => options.label = Some(value.clone()),
             "--dataset" => options.dataset = Some(value.clone()),
             "--missing-chunks" => options.missing_chunks = Some(value.parse()?),
+            "--axes" => options.axes = Some(ArrayAxes::of_name(value).ok_or("an unknown order of axes")?),
             "--relabel" => options.relabel = Some(value.into()),
             _ => return Err(format!("unknown option {name}").into()),
         }

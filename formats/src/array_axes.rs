@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! names        t c z y x of OME-Zarr, dimension names of Zarr v3, `_ARRAY_DIMENSIONS` of xarray
-//! order        a[z, y, x], which is assumed with a warning; `--axes xyz` says otherwise
+//! order        a[z, y, x], which is assumed with a warning; `--axes xyz` says otherwise, and `--axes tzyx` of four axes
 //! ```
 
 use std::path::Path;
@@ -79,6 +79,20 @@ pub(crate) fn by_names(
     Ok(roles)
 }
 
+/// The caller's order of an array of three axes.
+///
+/// # Errors
+/// For an order that only the pages of a TIFF file can have.
+pub(crate) fn of_three(path: &Path, options: &OpenOptions) -> Result<Option<ArrayAxes>> {
+    match options.axes {
+        Some(axes) if !ArrayAxes::OF_ARRAYS.contains(&axes) => Err(FormatError::option(
+            path,
+            format!("--axes {}: expected xyz or zyx for an array of this shape", axes.name()),
+        )),
+        axes => Ok(axes),
+    }
+}
+
 /// The role of each index of an array without names: z, y, x unless the caller says otherwise. Indices of one step are left out until three remain.
 pub(crate) fn by_order(
     path: &Path,
@@ -86,7 +100,13 @@ pub(crate) fn by_order(
     options: &OpenOptions,
     open: &mut Vec<OpenChoice>,
 ) -> Result<Vec<Role>> {
+    // The caller names as many axes as there are: time steps and channels are chosen as in files that name them.
+    if let Some(axes) = options.axes.filter(|axes| axes.name().len() == shape.len() && shape.len() > 3) {
+        let names: Vec<String> = axes.name().chars().map(String::from).collect();
+        return by_names(path, &names, shape, &OpenOptions { axes: None, ..options.clone() }, open);
+    }
     refuse_absent(path, options, &[&choice::TIME, &choice::CHANNEL, &choice::LAYER])?;
+    let said = of_three(path, options)?;
     let mut roles = vec![None; shape.len()];
     let mut left = shape.len();
     for (index, &size) in shape.iter().enumerate() {
@@ -99,11 +119,11 @@ pub(crate) fn by_order(
         return Err(FormatError::unsupported(
             path,
             format!("the array has shape {}, expected two or three axes", shape_text(shape)),
-            "save one label map an array, or name its axes",
+            "save one label map an array, or name its axes: --axes tzyx, czyx, …",
         ));
     }
-    let order = options.axes.unwrap_or(ArrayAxes::Zyx);
-    if options.axes.is_none() {
+    let order = said.unwrap_or(ArrayAxes::Zyx);
+    if said.is_none() {
         open.push(open_axes());
         options.warnings.push(format!(
             "{}: the array does not say which axis is which; the shape {} is taken as zyx (give --axes xyz or zyx)",
@@ -128,16 +148,16 @@ pub(crate) fn by_order(
 fn open_axes() -> OpenChoice {
     let text = |axes| match axes {
         ArrayAxes::Xyz => "a[x, y, z]",
-        ArrayAxes::Zyx => "a[z, y, x], as most programs write them",
+        _ => "a[z, y, x], as most programs write them",
     };
     let value = |axes: ArrayAxes| ChoiceValue { value: axes.name().into(), text: text(axes).into() };
     OpenChoice {
         keyword: "axes",
         option: "--axes",
         what: "the array does not say which axis is which".into(),
-        listed: ArrayAxes::ALL.map(|axes| format!("{}: {}", axes.name(), text(axes))).join("; "),
-        values: ArrayAxes::ALL.map(value).to_vec(),
-        count: ArrayAxes::ALL.len() as u64,
+        listed: ArrayAxes::OF_ARRAYS.map(|axes| format!("{}: {}", axes.name(), text(axes))).join("; "),
+        values: ArrayAxes::OF_ARRAYS.map(value).to_vec(),
+        count: ArrayAxes::OF_ARRAYS.len() as u64,
         assumed: Some(ArrayAxes::Zyx.name()),
     }
 }

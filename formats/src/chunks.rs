@@ -60,6 +60,8 @@ struct Axis {
     chunk: u64,
     /// Chunks of a block.
     group: u64,
+    /// Chunks of a shard.
+    shard_chunks: u64,
     /// Blocks of a shard.
     shard: u64,
     /// Number of the first block that is read, and of the first beyond.
@@ -68,11 +70,17 @@ struct Axis {
     range: [u64; 2],
 }
 
-/// Delivers the voxels of a region of a store.
+/// Delivers the voxels of regions of a store, one region after another.
 pub(crate) struct ChunkSource {
     path: PathBuf,
-    /// The region.
+    /// The volume that the regions lie in.
     info: VolumeInfo,
+    /// Lowest voxel of that volume in the store.
+    low: [u64; 3],
+    /// Regions that come later, the next one last.
+    later: Vec<Region>,
+    /// Bytes of a block of one chunk.
+    chunk_bytes: u64,
     element: Element,
     fill: Vec<u8>,
     missing: MissingChunks,
@@ -86,13 +94,13 @@ pub(crate) struct ChunkSource {
 }
 
 impl ChunkSource {
-    /// `info` describes the region.
+    /// The source of `regions` of a volume that `info` describes, with its lowest voxel at `low` in the store.
     pub(crate) fn new(
         path: PathBuf,
-        info: VolumeInfo,
+        (info, low): (VolumeInfo, [u64; 3]),
         (layout, element): (&Layout, Element),
         chunks: Chunks,
-        region: Region,
+        regions: Vec<Region>,
         warnings: Warnings,
     ) -> Result<Self> {
         let mut axes = Vec::new();
@@ -101,44 +109,72 @@ impl ChunkSource {
         for (a, axis) in layout.axes().iter().enumerate() {
             // An axis that `Layout` has added has no chunks of its own.
             let chunk = chunks.chunk.get(a).copied().unwrap_or(1);
-            let shard = chunks.shard.get(a).copied().unwrap_or(1).max(1);
+            let shard_chunks = chunks.shard.get(a).copied().unwrap_or(1).max(1);
             if chunk == 0 {
                 return Err(FormatError::damaged(
                     &path,
                     "a chunk has no voxels along an axis: its size is 0",
                 ));
             }
-            let range = match axis.role {
-                Role::Space(space) => region[space],
-                Role::Fixed(index) => [index, index + 1],
-            };
             if matches!(axis.role, Role::Space(_)) {
                 bytes = bytes.saturating_mul(chunk.min(axis.size));
             }
-            axes.push(Axis { role: axis.role, chunk, group: 1, shard, blocks: [0; 2], range });
+            let (role, range) = (axis.role, [0; 2]);
+            axes.push(Axis { role, chunk, group: 1, shard_chunks, shard: 1, blocks: [0; 2], range });
         }
         // A chunk as it is stored, with the steps of fixed axes that are not read, and the block that is cut from it.
         let stored = chunks.chunk.iter().fold(element.bytes() as u64, |n, &size| n.saturating_mul(size));
         reserve::check_room("a chunk of the store", stored.saturating_mul(2))
             .map_err(FormatError::memory(&path))?;
-        for axis in axes.iter_mut().filter(|axis| matches!(axis.role, Role::Space(_))) {
+        let reader = (chunks.open)()?;
+        let (fill, missing) = (chunks.fill, chunks.missing);
+        let mut source = Self {
+            path,
+            info,
+            low,
+            later: regions.into_iter().rev().collect(),
+            chunk_bytes: bytes,
+            element,
+            fill,
+            missing,
+            warnings,
+            reader,
+            axes,
+            at: Vec::new(),
+            absent: 0,
+            read: 0,
+        };
+        source.next_region();
+        Ok(source)
+    }
+
+    /// Goes to the next region; false after the last.
+    fn next_region(&mut self) -> bool {
+        let Some(region) = self.later.pop() else { return false };
+        let mut bytes = self.chunk_bytes;
+        for axis in &mut self.axes {
+            axis.range = match axis.role {
+                Role::Space(space) => region[space],
+                Role::Fixed(index) => [index, index + 1],
+            };
+            (axis.group, axis.shard) = (1, axis.shard_chunks);
+        }
+        for axis in self.axes.iter_mut().filter(|axis| matches!(axis.role, Role::Space(_))) {
             axis.group = group(axis, bytes);
             bytes = bytes.saturating_mul(axis.group);
         }
-        for axis in &mut axes {
+        for axis in &mut self.axes {
             axis.shard = (axis.shard / axis.group).max(1);
             let block = axis.chunk.saturating_mul(axis.group);
             axis.blocks = [axis.range[0] / block, axis.range[1].div_ceil(block)];
         }
-        let at = axes.iter().map(|axis| axis.blocks[0]).collect();
-        let reader = (chunks.open)()?;
-        let (fill, missing) = (chunks.fill, chunks.missing);
-        Ok(Self { path, info, element, fill, missing, warnings, reader, axes, at, absent: 0, read: 0 })
+        self.at = self.axes.iter().map(|axis| axis.blocks[0]).collect();
+        true
     }
 
     /// The next block, or `None` after the last.
     fn next(&mut self) -> Result<Option<LabelBlock>> {
-        if self.at.is_empty() {
+        if self.at.is_empty() && !self.next_region() {
             self.say_absent();
             return Ok(None);
         }
@@ -295,7 +331,7 @@ impl ChunkSource {
         for (a, axis) in self.axes.iter().enumerate() {
             if let Role::Space(space) = axis.role {
                 // All numbers are at most MAX_DIM.
-                origin[space] = (span[a][0] - axis.range[0]) as u32;
+                origin[space] = (span[a][0] - self.low[space]) as u32;
                 dims[space] = sizes[a] as u32;
                 strides[space] = stride;
                 stride *= sizes[a];
@@ -312,15 +348,12 @@ impl ChunkSource {
             (Some(one), _) => (one, [0; 3]),
             (None, buffer) => (buffer.unwrap_or_default(), strides),
         };
-        let low = [0, 1, 2].map(|space| {
-            self.axes.iter().find(|a| a.role == Role::Space(space)).map_or(0, |axis| axis.range[0])
-        });
         let labels = self.element.decode(&stored).map_err(|bad| FormatError::Label {
             path: self.path.clone(),
             voxel: [0, 1, 2].map(|a| {
                 let within =
                     bad.index / strides[a].max(1) % if strides[a] == 0 { 1 } else { dims[a] as usize };
-                low[a] + u64::from(origin[a]) + within as u64
+                self.low[a] + u64::from(origin[a]) + within as u64
             }),
             value: bad.value,
             reason: bad.reason,
@@ -364,6 +397,7 @@ impl BlockSource for ChunkSource {
         let block = self.next();
         if block.is_err() {
             self.at.clear();
+            self.later.clear();
             self.absent = 0;
         }
         Ok(block?)

@@ -17,12 +17,16 @@ pub mod mesh;
 pub mod open;
 pub mod options;
 pub mod write;
+pub mod write_store;
 
 mod array_axes;
 mod array_place;
+mod bounded_decoder;
 mod choice;
 mod chunks;
 mod compressed_segmentation;
+mod compressed_segmentation_writer;
+mod compresso;
 mod element;
 mod gzip;
 #[cfg(feature = "hdf5")]
@@ -74,12 +78,16 @@ mod voxel_writer;
 mod write_nifti;
 mod write_npy;
 mod write_nrrd;
+mod write_ome_zarr;
 mod write_ply;
+mod write_precomputed;
 mod write_tiff;
 #[cfg(feature = "zarr")]
 mod zarr;
 #[cfg(feature = "zarr")]
 mod zarr_chunks;
+#[cfg(feature = "zarr")]
+mod zarr_codecs;
 #[cfg(feature = "zarr")]
 mod zarr_files;
 mod zarr_format;
@@ -92,7 +100,7 @@ pub use choice::{ChoiceValue, OpenChoice};
 pub use error::FormatError;
 pub use label_tables::{LabelTableFile, LabelTableFormat, read_label_table, write_label_table};
 pub use mesh::open_mesh;
-pub use open::{Probe, open, probe};
+pub use open::{Probe, Reach, open, open_regions, probe, reach};
 pub use options::{ArrayAxes, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings};
 pub use orientation::orientation;
 pub use volume_file::Layer;

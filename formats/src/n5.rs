@@ -22,7 +22,7 @@ use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::layout::{FileAxis, Layout, Role};
 use crate::levels::{Level, choose_level};
-use crate::n5_block::{Compression, N5Blocks};
+use crate::n5_block::{N5Blocks, compression};
 use crate::options::{MissingChunks, OpenOptions};
 use crate::placement::{self, unit_by_name};
 use crate::stores::{self, lengths, numbers};
@@ -201,11 +201,11 @@ fn of_dataset(
             "labels are integers, or floating-point numbers that are whole",
         )
     })?;
-    let compression = Compression::of(attributes).map_err(|name| {
+    let coder = compression(attributes).map_err(|name| {
         FormatError::unsupported(
             path,
             format!("the blocks are compressed by {name}"),
-            "write them as gzip, bzip2, zstd or raw",
+            "write them as gzip, bzip2, zstd, blosc or raw",
         )
     })?;
     let element = Element::new(label_type, true);
@@ -250,12 +250,12 @@ fn of_dataset(
         folder: path.clone(),
         dims,
         block: block.clone(),
-        compression,
+        compression: coder,
         element_bytes: element.bytes(),
     };
     Ok(VolumeFile {
         format: "N5",
-        encoding: compression.name().into(),
+        encoding: coder.map_or("raw", |coder| coder.name()).into(),
         info,
         layout,
         element,

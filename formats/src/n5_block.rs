@@ -4,83 +4,36 @@
 //! u16 mode   0 plain, 1 with a number of elements of its own, 2 objects      u16 number of axes      u32 × axes sizes, x first      data
 //! ```
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use flate2::read::{MultiGzDecoder, ZlibDecoder};
-use pumice_core::error::one_line;
 use pumice_core::read_input;
 use serde_json::Value;
 
+use crate::bounded_decoder::Coder;
 use crate::chunks::{Chunk, ChunkReader};
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::stores::is_absent;
 
-/// Compression of a data set's blocks.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub(crate) enum Compression {
-    Raw,
-    Gzip,
-    Zlib,
-    Zstd,
-    #[cfg(feature = "zarr")]
-    Bzip2,
-}
-
-impl Compression {
-    /// The compression that the attributes of a data set name; `Err` has the name of one that is not read.
-    pub(crate) fn of(attributes: &Value) -> std::result::Result<Self, String> {
-        let compression = attributes.get("compression");
-        let name = compression
-            .and_then(|c| c.get("type").unwrap_or(c).as_str())
-            // Before version 2.
-            .or_else(|| attributes.get("compressionType")?.as_str())
-            .unwrap_or("raw");
-        Ok(match name {
-            "raw" => Self::Raw,
-            "gzip" if compression.and_then(|c| c.get("useZlib")?.as_bool()) == Some(true) => Self::Zlib,
-            "gzip" => Self::Gzip,
-            "zstd" => Self::Zstd,
-            #[cfg(feature = "zarr")]
-            "bzip2" => Self::Bzip2,
-            other => return Err(shorten(other)),
-        })
-    }
-
-    pub(crate) fn name(self) -> &'static str {
-        match self {
-            Self::Raw => "raw",
-            Self::Gzip => "gzip",
-            Self::Zlib => "zlib",
-            Self::Zstd => "zstd",
-            #[cfg(feature = "zarr")]
-            Self::Bzip2 => "bzip2",
-        }
-    }
-
-    /// The plain bytes, of which there should be `expected`; one more is read where there are more.
-    fn plain(self, stored: &[u8], expected: u64) -> std::io::Result<Vec<u8>> {
-        let mut plain = Vec::new();
-        let most = expected.saturating_add(1);
-        match self {
-            Self::Raw => plain.extend_from_slice(stored),
-            Self::Gzip => {
-                MultiGzDecoder::new(stored).take(most).read_to_end(&mut plain)?;
-            }
-            Self::Zlib => {
-                ZlibDecoder::new(stored).take(most).read_to_end(&mut plain)?;
-            }
-            Self::Zstd => {
-                zstd::stream::read::Decoder::new(stored)?.take(most).read_to_end(&mut plain)?;
-            }
-            #[cfg(feature = "zarr")]
-            Self::Bzip2 => {
-                bzip2::read::MultiBzDecoder::new(stored).take(most).read_to_end(&mut plain)?;
-            }
-        }
-        Ok(plain)
-    }
+/// The compression that the attributes of a data set name, `None` for plain blocks; `Err` has the name of one that is not read.
+pub(crate) fn compression(attributes: &Value) -> std::result::Result<Option<Coder>, String> {
+    let compression = attributes.get("compression");
+    let name = compression
+        .and_then(|c| c.get("type").unwrap_or(c).as_str())
+        // Before version 2.
+        .or_else(|| attributes.get("compressionType")?.as_str())
+        .unwrap_or("raw");
+    Ok(Some(match name {
+        "raw" => return Ok(None),
+        "gzip" if compression.and_then(|c| c.get("useZlib")?.as_bool()) == Some(true) => Coder::Zlib,
+        "gzip" => Coder::Gzip,
+        "zstd" => Coder::Zstd,
+        #[cfg(feature = "zarr")]
+        "bzip2" => Coder::Bzip2,
+        #[cfg(feature = "zarr")]
+        "blosc" => Coder::Blosc,
+        other => return Err(shorten(other)),
+    }))
 }
 
 /// Reads the blocks of a data set.
@@ -89,7 +42,8 @@ pub(crate) struct N5Blocks {
     /// Sizes of the data set and of a block, x first.
     pub(crate) dims: Vec<u64>,
     pub(crate) block: Vec<u64>,
-    pub(crate) compression: Compression,
+    /// `None` for plain blocks.
+    pub(crate) compression: Option<Coder>,
     pub(crate) element_bytes: usize,
 }
 
@@ -149,12 +103,14 @@ impl N5Blocks {
             at += 4;
         }
         let stored = bytes.get(at..).ok_or_else(short)?;
-        let plain = self
-            .compression
-            .plain(stored, expected)
-            .map_err(|e| wrong(one_line(&format!("{}: {e}", self.compression.name()))))?;
+        let plain = match self.compression {
+            None => stored.to_vec(),
+            Some(coder) => {
+                coder.decode(stored, expected).map_err(|what| wrong(format!("the block: {what}")))?
+            }
+        };
         if plain.len() as u64 != expected {
-            let got = if plain.len() as u64 > expected { "more".to_owned() } else { plain.len().to_string() };
+            let got = plain.len();
             return Err(wrong(format!("the block: expected {expected} bytes of voxels, got {got}")));
         }
         Ok(Chunk { bytes: plain, sizes })

@@ -10,6 +10,7 @@ use std::path::Path;
 
 use pumice_core::{LabelType, VolumeInfo};
 
+use crate::array_axes;
 use crate::choice::{self, ChoiceValue, OpenChoice, refuse_absent};
 use crate::element::{Element, type_of_code};
 use crate::error::{FormatError, Result};
@@ -52,16 +53,16 @@ const ASSUMED: ArrayAxes = ArrayAxes::Xyz;
 fn open_axes() -> OpenChoice {
     let text = |axes| match axes {
         ArrayAxes::Xyz => "a[x, y, z], as of nibabel and pynrrd",
-        ArrayAxes::Zyx => "a[z, y, x], as of tifffile, scikit-image and napari",
+        _ => "a[z, y, x], as of tifffile, scikit-image and napari",
     };
     let value = |axes: ArrayAxes| ChoiceValue { value: axes.name().into(), text: text(axes).into() };
     OpenChoice {
         keyword: "axes",
         option: "--axes",
         what: "the file does not say which axis is which".into(),
-        listed: ArrayAxes::ALL.map(|axes| format!("{}: {}", axes.name(), text(axes))).join("; "),
-        values: ArrayAxes::ALL.map(value).to_vec(),
-        count: ArrayAxes::ALL.len() as u64,
+        listed: ArrayAxes::OF_ARRAYS.map(|axes| format!("{}: {}", axes.name(), text(axes))).join("; "),
+        values: ArrayAxes::OF_ARRAYS.map(value).to_vec(),
+        count: ArrayAxes::OF_ARRAYS.len() as u64,
         assumed: Some(ASSUMED.name()),
     }
 }
@@ -102,14 +103,14 @@ impl Array {
             ));
         }
         // Map indices to x, y, z; an image `a[y, x]` has no z.
-        let order = options.axes.unwrap_or(ASSUMED);
+        let order = array_axes::of_three(path, options)?.unwrap_or(ASSUMED);
         let mut axes: Vec<FileAxis> = shape
             .iter()
             .enumerate()
             .map(|(i, &size)| {
                 let space = match order {
                     ArrayAxes::Xyz => i,
-                    ArrayAxes::Zyx => shape.len() - 1 - i,
+                    _ => shape.len() - 1 - i,
                 };
                 FileAxis { size, role: Role::Space(space) }
             })

@@ -2,12 +2,13 @@
 
 use std::path::Path;
 
-use pumice_core::{BlockSource, VolumeInfo};
+use pumice_core::{BlockSource, VolumeInfo, VoxelRegion};
 
 use crate::choice::OpenChoice;
 use crate::chunks::ChunkSource;
 use crate::error::FormatError;
-use crate::options::OpenOptions;
+use crate::layout::Role;
+use crate::options::{OpenOptions, Warnings};
 use crate::orientation::orientation;
 use crate::region::{self, RegionSource};
 use crate::registry;
@@ -41,6 +42,27 @@ pub struct Probe {
 /// # Errors
 /// One line that says what is wrong and where, for any content of the file.
 pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn BlockSource>, FormatError> {
+    open_any(path, options, None)
+}
+
+/// Opens regions of a label volume: the source describes the whole volume and delivers their voxels alone, each once. Of a store only the
+/// chunks that the regions meet are read; a file is read from their first voxel to their last.
+///
+/// # Errors
+/// As [`open`]. Regions lie within the volume and do not overlap.
+pub fn open_regions(
+    path: &Path,
+    options: &OpenOptions,
+    regions: &[VoxelRegion],
+) -> std::result::Result<Box<dyn BlockSource>, FormatError> {
+    open_any(path, options, Some(regions))
+}
+
+fn open_any(
+    path: &Path,
+    options: &OpenOptions,
+    chosen: Option<&[VoxelRegion]>,
+) -> std::result::Result<Box<dyn BlockSource>, FormatError> {
     let file = registry::read(path, options)?;
     if let Some(open) = file.choices.iter().find(|choice| choice.assumed.is_none()) {
         return Err(open.undecided(path));
@@ -48,25 +70,65 @@ pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn B
     let region = region::resolve(path, file.info.dims, options.roi.as_ref())?;
     let joins = options.relabel.as_deref().map(Joins::read).transpose()?;
     let (path, warnings) = (path.to_owned(), options.warnings.clone());
+    // In voxels of the file.
+    let low = region.map(|[low, _]| low);
+    let regions = match chosen {
+        None => vec![region],
+        Some(chosen) => {
+            let in_file = |r: &VoxelRegion| [0, 1, 2].map(|a| r[a].map(|voxel| low[a] + u64::from(voxel)));
+            region::joined(chosen.iter().map(in_file).collect())
+        }
+    };
+    let info = region::cut(&file.info, region);
     let source: Box<dyn BlockSource> = match file.voxels {
         Voxels::Stream(open) => {
-            let source =
+            let mut source =
                 SlabSource::new(path.clone(), file.info, file.layout, file.element, open()?, warnings)?;
-            if options.roi.is_some() {
-                Box::new(RegionSource::new(Box::new(source), region))
+            if options.roi.is_some() || chosen.is_some() {
+                let first = |a: usize| regions.iter().map(|r| r[a][0]).min().unwrap_or(0);
+                source.begin_at([0, 1, 2].map(|a| [first(a), region[a][1]]));
+                Box::new(RegionSource::new(Box::new(source), (info, low), regions))
             } else {
                 Box::new(source)
             }
         }
         Voxels::Chunks(chunks) => {
-            let info = region::cut(&file.info, region);
             let how = (&file.layout, file.element);
-            Box::new(ChunkSource::new(path.clone(), info, how, chunks, region, warnings)?)
+            Box::new(ChunkSource::new(path.clone(), (info, low), how, chunks, regions, warnings)?)
         }
     };
     Ok(match joins {
         Some(joins) => Box::new(JoinedSource::new(source, joins, &path, &options.warnings)),
         None => source,
+    })
+}
+
+/// How the voxels of a source are reached.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum Reach {
+    /// Any region by itself: a store of chunks.
+    Regions,
+    /// Layers across this axis (0 to 2 for x to z), without reading those before: voxels that are not compressed.
+    Layers(usize),
+    /// From first to last only: a compressed stream.
+    Stream,
+}
+
+/// How the voxels of a source are reached, from its header.
+///
+/// # Errors
+/// As [`open`].
+pub fn reach(path: &Path, options: &OpenOptions) -> std::result::Result<Reach, FormatError> {
+    let silent = OpenOptions { warnings: Warnings::default(), ..options.clone() };
+    let file = registry::read(path, &silent)?;
+    let slowest = file.layout.axes().iter().rev().find_map(|axis| match axis.role {
+        Role::Space(space) if axis.size > 1 => Some(space),
+        _ => None,
+    });
+    Ok(match (file.voxels, slowest) {
+        (Voxels::Chunks(_), _) => Reach::Regions,
+        (Voxels::Stream(_), axis) if file.encoding == "raw" => Reach::Layers(axis.unwrap_or(2)),
+        (Voxels::Stream(_), _) => Reach::Stream,
     })
 }
 

@@ -1,5 +1,6 @@
 //! Options of a caller that complete or override what a file says.
 
+use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
@@ -22,7 +23,8 @@ pub struct OpenOptions {
     pub spacing: Option<[f64; 3]>,
     /// Read the file as voxels without a header. No other format is tried then.
     pub raw: Option<RawLayout>,
-    /// Meaning of the axes of a NumPy array, by default [`ArrayAxes::Xyz`] with a warning; other files say it themselves and refuse it.
+    /// Meaning of the axes of an array whose file does not say it (NumPy: by default [`ArrayAxes::Xyz`] with a warning), or of the pages of a TIFF
+    /// file in place of what it says; other files say it themselves and refuse it.
     pub axes: Option<ArrayAxes>,
     /// Which level of a file with several, by number or by the size of its voxels; the finest if none is given.
     pub scale: Option<Scale>,
@@ -97,6 +99,46 @@ impl OpenOptions {
     }
 }
 
+impl fmt::Display for OpenOptions {
+    /// The options that were given, as the command takes them: `--scale 2 --roi 0:512,:,:`. Of a table of joined ids it has the file's name alone.
+    fn fmt(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+        let list = |numbers: &[f64]| numbers.iter().map(f64::to_string).collect::<Vec<_>>().join(",");
+        let raw = self.raw.as_ref().map(|raw| {
+            let [x, y, z] = raw.dims;
+            let end = if raw.big_endian { " --raw-big-endian" } else { "" };
+            let label_type = format!("{:?}", raw.label_type).to_lowercase();
+            format!("{x},{y},{z} --raw-type {label_type} --raw-offset {}{end}", raw.offset)
+        });
+        let values = [
+            ("--layer", self.layer.map(|n| n.to_string())),
+            ("--time-step", self.time.map(|n| n.to_string())),
+            ("--channel", self.channel.map(|n| n.to_string())),
+            ("--array", self.array.clone()),
+            ("--spacing", self.spacing.map(|lengths| list(&lengths))),
+            ("--axes", self.axes.map(|axes| axes.name().to_owned())),
+            ("--raw-dims", raw),
+            ("--scale", self.scale.map(|scale| scale.to_string())),
+            ("--roi", self.roi.map(|roi| roi.to_string())),
+            ("--label", self.label.clone()),
+            ("--dataset", self.dataset.clone()),
+            ("--missing-chunks", self.missing_chunks.map(|missing| missing.name().to_owned())),
+            (
+                "--relabel",
+                self.relabel
+                    .as_ref()
+                    .map(|path| path.file_name().unwrap_or_default().to_string_lossy().into_owned()),
+            ),
+        ];
+        debug_assert_eq!(values.iter().filter(|(_, value)| value.is_some()).count(), self.given().len());
+        let given = values.into_iter().filter_map(|(name, value)| Some((name, value?)));
+        for (i, (name, value)) in given.enumerate() {
+            let space = if i == 0 { "" } else { " " };
+            write!(f, "{space}{name} {value}")?;
+        }
+        Ok(())
+    }
+}
+
 /// Layout of voxels without a header, in x-fastest order; a gzip file is recognised.
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub struct RawLayout {
@@ -110,24 +152,75 @@ pub struct RawLayout {
     pub offset: u64,
 }
 
-/// Meaning of the axes of a NumPy array, in the order of its indices.
+/// Meaning of the axes of an array in the order of its indices, or of a TIFF file's pages, slowest first, and the pixels of a page.
+///
+/// The names are those of the axes: x, y, z, t for time steps, c for channels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[allow(missing_docs, reason = "each order is its name")]
 pub enum ArrayAxes {
     /// `a[x, y, z]`, as nibabel and pynrrd return arrays.
     Xyz,
-    /// `a[z, y, x]`, as tifffile, scikit-image and napari return arrays.
+    /// `a[z, y, x]`, as tifffile, scikit-image and napari return arrays; the pages of a TIFF file are slices.
     Zyx,
+    Tyx,
+    Cyx,
+    Tzyx,
+    Ztyx,
+    Czyx,
+    Zcyx,
+    Tcyx,
+    Ctyx,
+    Tczyx,
+    Tzcyx,
+    Ctzyx,
+    Cztyx,
+    Ztcyx,
+    Zctyx,
 }
 
 impl ArrayAxes {
-    /// Both orders.
-    pub const ALL: [Self; 2] = [Self::Xyz, Self::Zyx];
+    /// All orders.
+    pub const ALL: [Self; 16] = [
+        Self::Xyz,
+        Self::Zyx,
+        Self::Tyx,
+        Self::Cyx,
+        Self::Tzyx,
+        Self::Ztyx,
+        Self::Czyx,
+        Self::Zcyx,
+        Self::Tcyx,
+        Self::Ctyx,
+        Self::Tczyx,
+        Self::Tzcyx,
+        Self::Ctzyx,
+        Self::Cztyx,
+        Self::Ztcyx,
+        Self::Zctyx,
+    ];
 
-    /// Name of the order: `xyz` or `zyx`.
+    /// The orders of an array of three axes.
+    pub const OF_ARRAYS: [Self; 2] = [Self::Xyz, Self::Zyx];
+
+    /// Name of the order, such as `zyx`.
     pub fn name(self) -> &'static str {
         match self {
             Self::Xyz => "xyz",
             Self::Zyx => "zyx",
+            Self::Tyx => "tyx",
+            Self::Cyx => "cyx",
+            Self::Tzyx => "tzyx",
+            Self::Ztyx => "ztyx",
+            Self::Czyx => "czyx",
+            Self::Zcyx => "zcyx",
+            Self::Tcyx => "tcyx",
+            Self::Ctyx => "ctyx",
+            Self::Tczyx => "tczyx",
+            Self::Tzcyx => "tzcyx",
+            Self::Ctzyx => "ctzyx",
+            Self::Cztyx => "cztyx",
+            Self::Ztcyx => "ztcyx",
+            Self::Zctyx => "zctyx",
         }
     }
 

@@ -8,17 +8,16 @@
 //! ```
 //! Voxel (0, 0, 0) of a scale lies at `voxel_offset · resolution` nanometres. Chunks are cut off at the volume's end.
 
-use std::io::Read;
 use std::path::{Path, PathBuf};
 
-use flate2::read::MultiGzDecoder;
 use glam::{DAffine3, DVec3};
-use pumice_core::error::one_line;
-use pumice_core::{LabelNote, Unit, VolumeInfo, reserve};
+use pumice_core::{LabelNote, Unit, VolumeInfo};
 
+use crate::bounded_decoder::Coder;
 use crate::choice::{self, choose, refuse_absent};
 use crate::chunks::{Chunk, ChunkReader, Chunks, place};
 use crate::compressed_segmentation;
+use crate::compresso;
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
@@ -66,15 +65,18 @@ fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
                 shorten(&scale.key),
                 shorten(&scale.encoding_name)
             ),
-            "write them as raw or compressed_segmentation",
+            "write them as raw, compressed_segmentation or compresso",
         ));
     };
     let element = Element::new(info.label_type, false);
-    if encoding != Encoding::Raw && !matches!(element.bytes(), 4 | 8) {
+    if matches!(encoding, Encoding::CompressedSegmentation(_)) && !matches!(element.bytes(), 4 | 8) {
         return Err(FormatError::damaged(
             &path,
             "compressed_segmentation holds labels of 32 or 64 bits only",
         ));
+    }
+    if encoding == Encoding::Compresso && info.channels > 1 {
+        return Err(FormatError::damaged(&path, "compresso holds one channel only"));
     }
     // Some scales lie beside the volume's folder: `../../other/8_8_8`. That is no reason to leave it.
     if scale.key.starts_with('/') || scale.key.split('/').any(|part| part == "..") {
@@ -192,6 +194,7 @@ impl ChunkReader for Reader {
         let bytes = match self.encoding {
             Encoding::Raw if bytes.len() as u64 == plain_bytes => bytes,
             Encoding::Raw => return Err(wrong(format!("expected {plain_bytes} bytes, got {}", bytes.len()))),
+            Encoding::Compresso => compresso::decode(&bytes, sizes, self.id_bytes).map_err(wrong)?,
             Encoding::CompressedSegmentation(block) => {
                 compressed_segmentation::decode(&bytes, sizes, self.channels, block, self.id_bytes)
                     .map_err(wrong)?
@@ -212,7 +215,7 @@ fn chunk_file(folder: &Path, name: &str, most_bytes: u64) -> Result<Option<(Vec<
         };
         // Servers send files without an ending as they are stored: as gzip.
         let bytes =
-            if bytes.starts_with(&[0x1F, 0x8B, 8]) { inflated(&path, bytes, most_bytes)? } else { bytes };
+            if bytes.starts_with(&[0x1F, 0x8B, 8]) { inflated(&path, &bytes, most_bytes)? } else { bytes };
         return Ok(Some((bytes, path)));
     }
     for ending in [".br", ".zstd"] {
@@ -229,19 +232,6 @@ fn chunk_file(folder: &Path, name: &str, most_bytes: u64) -> Result<Option<(Vec<
 }
 
 /// The content of a gzip file, of at most `most_bytes` bytes.
-pub(crate) fn inflated(path: &Path, bytes: Vec<u8>, most_bytes: u64) -> Result<Vec<u8>> {
-    let mut plain = Vec::new();
-    let mut decoder = MultiGzDecoder::new(bytes.as_slice()).take(most_bytes + 1);
-    // The buffer grows with what is there, and no further than the limit.
-    reserve::check_room("a chunk", bytes.len() as u64).map_err(FormatError::memory(path))?;
-    decoder
-        .read_to_end(&mut plain)
-        .map_err(|e| FormatError::damaged(path, one_line(&format!("gzip: {e}"))))?;
-    if plain.len() as u64 > most_bytes {
-        return Err(FormatError::damaged(
-            path,
-            format!("gzip: expected at most {most_bytes} bytes, got more"),
-        ));
-    }
-    Ok(plain)
+pub(crate) fn inflated(path: &Path, bytes: &[u8], most_bytes: u64) -> Result<Vec<u8>> {
+    Coder::Gzip.decode(bytes, most_bytes).map_err(|what| FormatError::damaged(path, what))
 }

@@ -24,6 +24,7 @@ pub(crate) enum Encoding {
     Raw,
     /// With the size of its blocks.
     CompressedSegmentation([u64; 3]),
+    Compresso,
 }
 
 /// One scale of a volume.
@@ -97,6 +98,7 @@ fn parse_scale(scale: &Value) -> std::result::Result<ScaleInfo, String> {
         scale.get("encoding").and_then(Value::as_str).ok_or("encoding: expected a name, got none")?;
     let encoding = match encoding_name {
         "raw" => Some(Encoding::Raw),
+        "compresso" => Some(Encoding::Compresso),
         "compressed_segmentation" => {
             let block = match scale.get("compressed_segmentation_block_size") {
                 None => [8; 3],

@@ -168,7 +168,7 @@ impl Shards {
         let (_, begin, size) = index[at];
         let mut bytes = part(&path, self.base() + begin, size, most_bytes)?;
         if self.sharding.is_data_gzip {
-            bytes = inflated(&path, bytes, most_bytes)?;
+            bytes = inflated(&path, &bytes, most_bytes)?;
         }
         Ok(Some((bytes, path)))
     }
@@ -195,7 +195,7 @@ impl Shards {
         let begin = begin.checked_add(self.base()).ok_or_else(|| wrong("its index lies beyond the file"))?;
         let mut bytes = part(path, begin, size, MOST_INDEX_BYTES)?;
         if self.sharding.is_index_gzip {
-            bytes = inflated(path, bytes, MOST_INDEX_BYTES)?;
+            bytes = inflated(path, &bytes, MOST_INDEX_BYTES)?;
         }
         let (numbers, []) = bytes.as_chunks::<8>() else {
             return Err(wrong("its index is no list of 64-bit numbers"));

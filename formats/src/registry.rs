@@ -73,8 +73,9 @@ fn refuse_others(path: &Path, options: &OpenOptions, takes: Takes, what: &str, a
     let refuse =
         |option: String, why: String| Err(FormatError::NotApplicable { path: path.to_owned(), option, why });
     if let (Some(order), false) = (options.axes, takes.axes) {
-        let why =
-            format!("{axes}; only .npy and .npz arrays, HDF5 and plain Zarr and N5 arrays leave it open");
+        let why = format!(
+            "{axes}; only TIFF files, .npy and .npz arrays, HDF5 and plain Zarr arrays leave it open"
+        );
         return refuse(format!("--axes {}", order.name()), why);
     }
     if let (Some(name), false) = (&options.array, takes.array) {

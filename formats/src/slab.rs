@@ -11,6 +11,7 @@ use std::path::PathBuf;
 
 use pumice_core::{BlockSource, LabelBlock, VolumeInfo};
 
+use crate::chunks::Region;
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::{Layout, Role};
@@ -96,6 +97,19 @@ impl SlabSource {
             buffer: Vec::new(),
             ended: false,
         })
+    }
+
+    /// Leaves out the blocks before the first voxel of a region, as far as they come before it in the file. To be called before the first block.
+    pub(crate) fn begin_at(&mut self, region: Region) {
+        let axes = self.layout.axes();
+        let slowest = (0..self.at.len()).rev().find(|&i| matches!(axes[self.cut + i].role, Role::Space(_)));
+        if let Some(i) = slowest
+            && let Role::Space(space) = axes[self.cut + i].role
+        {
+            let low = region[space][0];
+            // Blocks begin where they do in the whole volume.
+            self.at[i] = if i == 0 { low - low % self.steps } else { low };
+        }
     }
 
     /// The next block, or `None` after the last.

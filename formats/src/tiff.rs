@@ -22,7 +22,7 @@ const MAGICS: [&[u8]; 4] = [b"II*\0", b"MM\0*", b"II+\0", b"MM\0+"];
 /// TIFF files.
 pub(crate) const FORMAT: Format = Format {
     name: "TIFF",
-    takes: Takes::NOTHING,
+    takes: Takes { axes: true, ..Takes::NOTHING },
     recognises: |_, head| MAGICS.iter().any(|magic| head.starts_with(magic)),
     read,
 };
@@ -35,7 +35,15 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let directory = tiff.directory(pages[0])?;
     let description = tiff.text(&directory, tag::IMAGE_DESCRIPTION)?.unwrap_or_default();
     let axes = understand(path, &mut tiff, &directory, &description, pages.len())?;
-    for warning in &axes.warnings {
+    let mut choices = Vec::new();
+    let axes = match options.axes {
+        Some(said) => axes.said_to_be(path, said)?,
+        None => {
+            choices.extend(axes.open_order());
+            axes
+        }
+    };
+    for warning in axes.warnings.iter().chain(&axes.assumed) {
         options.warnings.push(format!("{}: {warning}", path.display()));
     }
     let planes = axes.order.iter().try_fold(1u64, |n, a| n.checked_mul(a.1)).unwrap_or(u64::MAX);
@@ -50,7 +58,6 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     }
 
     // The axes are x, y, then those of the pages.
-    let mut choices = Vec::new();
     let mut file_axes = vec![
         FileAxis { size: shape.width, role: Role::Space(0) },
         FileAxis { size: shape.height, role: Role::Space(1) },
@@ -62,8 +69,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             PageAxis::Time => {
                 // Many stacks of slices were saved as time steps, because ImageJ guesses so.
                 let last = size.saturating_sub(1);
-                let listed =
-                    format!("0 to {last}; if they are slices: Image > Hyperstacks > Re-order in ImageJ");
+                let listed = format!("0 to {last}; if they are slices: --axes zyx");
                 Role::Fixed(choose_among(
                     path,
                     &choice::TIME,

@@ -4,6 +4,7 @@
 //! ImageJ      ImageJ=1.54f\nimages=30\nchannels=2\nslices=5\nframes=3\nunit=micron\nspacing=0.5      page order C, Z, T
 //! OME-TIFF    <OME …><Pixels DimensionOrder="XYZCT" SizeZ="5" PhysicalSizeX="0.1" …><TiffData IFD="0"/></Pixels></OME>
 //! neither     pages are slices, in their order, with a warning
+//! --axes      tzyx, zcyx, …: the caller says what the pages are, slowest first, in place of the file
 //! ```
 //! ImageJ's description: `ij.io.FileInfo`, `ij.io.TiffDecoder`; OME: *OME-TIFF specification* 6.
 
@@ -11,7 +12,9 @@ use std::path::Path;
 
 use pumice_core::Unit;
 
+use crate::choice::{ChoiceValue, OpenChoice};
 use crate::error::{FormatError, Result};
+use crate::options::ArrayAxes;
 use crate::placement;
 
 /// Meaning of one axis of pages.
@@ -34,22 +37,98 @@ pub(crate) struct Axes {
     /// For OME: the page of each plane, where that is not the plane's own number.
     pub(crate) page_of_plane: Option<Vec<usize>>,
     pub(crate) warnings: Vec<String>,
+    /// What is assumed of the pages, where the file does not say what they are.
+    pub(crate) assumed: Option<String>,
 }
 
 /// The axes of pages without a description.
 pub(crate) fn plain(pages: u64) -> Axes {
-    let warnings = if pages > 1 {
-        vec![format!("the file does not say what its {pages} pages are; they are read as slices along z")]
-    } else {
-        Vec::new()
-    };
+    let assumed = (pages > 1).then(|| {
+        format!("the file does not say what its {pages} pages are; they are read as slices along z")
+    });
     Axes {
         format: "TIFF",
         order: vec![(PageAxis::Z, pages)],
         spacing: [None; 3],
         unit: Unit::Unknown,
         page_of_plane: None,
-        warnings,
+        warnings: Vec::new(),
+        assumed,
+    }
+}
+
+impl Axes {
+    /// The same pages with the meaning that the caller gives them; the file's own names of axes are passed over.
+    ///
+    /// # Errors
+    /// For an order that does not end with the pixels of a page, y and x, and for one with more axes than the pages have.
+    pub(crate) fn said_to_be(mut self, path: &Path, said: ArrayAxes) -> Result<Self> {
+        let wrong = |what: String| FormatError::option(path, format!("--axes {}: {what}", said.name()));
+        let Some(letters) = said.name().strip_suffix("yx") else {
+            return Err(wrong(
+                "the pages of a TIFF file hold y and x: expected an order such as zyx or tzyx".into(),
+            ));
+        };
+        let named: Vec<PageAxis> = letters.chars().map(PageAxis::of_letter).collect();
+        // Both lists are slowest first; an axis of one page says nothing.
+        let sizes: Vec<u64> = self.order.iter().rev().map(|a| a.1).filter(|&size| size != 1).collect();
+        let new: Vec<(PageAxis, u64)> = if named.len() == sizes.len() {
+            named.into_iter().zip(sizes).collect()
+        } else if let [one] = named[..] {
+            vec![(one, sizes.iter().try_fold(1u64, |n, &size| n.checked_mul(size)).unwrap_or(u64::MAX))]
+        } else {
+            let text = sizes.iter().map(u64::to_string).collect::<Vec<_>>().join(" × ");
+            let has = if sizes.is_empty() { "one page".to_owned() } else { format!("{text} pages") };
+            return Err(wrong(format!("it names {} axes of pages, and the file has {has}", named.len())));
+        };
+        self.order = new.into_iter().rev().collect();
+        self.assumed = None;
+        Ok(self)
+    }
+
+    /// The orders that the pages may have, where the file leaves it open or says that there is time or channels and nothing else: many stacks of
+    /// slices were saved so, because ImageJ guesses it.
+    pub(crate) fn open_order(&self) -> Option<OpenChoice> {
+        let several: Vec<&(PageAxis, u64)> = self.order.iter().filter(|a| a.1 > 1).collect();
+        let [(axis, pages)] = several[..] else { return None };
+        if self.assumed.is_none() && *axis == PageAxis::Z {
+            return None;
+        }
+        let text = |axes: ArrayAxes| match axes {
+            ArrayAxes::Tyx => "each page is a time step",
+            ArrayAxes::Cyx => "each page is a channel",
+            _ => "the pages are slices along z",
+        };
+        let orders = [ArrayAxes::Zyx, ArrayAxes::Tyx, ArrayAxes::Cyx];
+        let assumed =
+            orders[[PageAxis::Z, PageAxis::Time, PageAxis::Channel].iter().position(|a| a == axis)?];
+        Some(OpenChoice {
+            keyword: "axes",
+            option: "--axes",
+            what: match self.assumed {
+                Some(_) => format!("the file does not say what its {pages} pages are"),
+                None => format!(
+                    "the file calls its {pages} pages {}",
+                    if *axis == PageAxis::Time { "time steps" } else { "channels" }
+                ),
+            },
+            listed: orders.map(|axes| format!("{}: {}", axes.name(), text(axes))).join("; "),
+            values: orders
+                .map(|axes| ChoiceValue { value: axes.name().into(), text: text(axes).into() })
+                .into(),
+            count: 3,
+            assumed: Some(assumed.name()),
+        })
+    }
+}
+
+impl PageAxis {
+    fn of_letter(letter: char) -> Self {
+        match letter {
+            't' => Self::Time,
+            'c' => Self::Channel,
+            _ => Self::Z,
+        }
     }
 }
 
@@ -68,10 +147,12 @@ pub(crate) fn imagej(path: &Path, text: &str, pages: u64, pixel: [Option<f64>; 2
     };
     let images = count("images")?.unwrap_or(pages.max(1));
     let (channels, slices, frames) = (count("channels")?, count("slices")?, count("frames")?);
-    let mut warnings = Vec::new();
+    let (mut warnings, mut assumed) = (Vec::new(), None);
     let order = if channels.is_none() && slices.is_none() && frames.is_none() {
         if images > 1 {
-            warnings.push(format!("ImageJ's description does not say what its {images} images are; they are read as slices along z"));
+            assumed = Some(format!(
+                "ImageJ's description does not say what its {images} images are; they are read as slices along z"
+            ));
         }
         vec![(PageAxis::Z, images)]
     } else {
@@ -105,6 +186,7 @@ pub(crate) fn imagej(path: &Path, text: &str, pages: u64, pixel: [Option<f64>; 2
         unit,
         page_of_plane: None,
         warnings,
+        assumed,
     })
 }
 
@@ -184,7 +266,7 @@ pub(crate) fn ome(path: &Path, text: &str, pages: usize) -> Result<Axes> {
         // Multiplication by 1 must not change a bit; the quotient of equal units is exactly 1.
         spacing[a] = Some(length * scale * factor);
     }
-    Ok(Axes { format: "TIFF (OME)", order, spacing, unit, page_of_plane, warnings })
+    Ok(Axes { format: "TIFF (OME)", order, spacing, unit, page_of_plane, warnings, assumed: None })
 }
 
 /// The page of each plane, from the `TiffData` elements; `None` where plane N is page N.

@@ -98,7 +98,7 @@ fn slabs(dims: [u32; 3]) -> impl Iterator<Item = ([u32; 3], [u32; 3])> {
 }
 
 /// Appends ids to `bytes` as little-endian values of `label_type`.
-fn encode(out: &Path, ids: &[u64], label_type: LabelType, bytes: &mut Vec<u8>) -> Result<()> {
+pub(crate) fn encode(out: &Path, ids: &[u64], label_type: LabelType, bytes: &mut Vec<u8>) -> Result<()> {
     macro_rules! whole {
         ($t:ty) => {
             for &id in ids {

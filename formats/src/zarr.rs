@@ -34,6 +34,7 @@ use crate::placement::{self, length_unit};
 use crate::stores::lengths;
 use crate::volume_file::{VolumeFile, Voxels};
 use crate::zarr_chunks::ZarrChunks;
+use crate::zarr_codecs;
 use crate::zarr_files::ZarrFiles;
 use crate::zarr_node::{Kind, Node, choose_dataset, choose_label};
 use crate::zarr_shards::Sharding;
@@ -207,7 +208,12 @@ impl Opened {
             return Err(FormatError::damaged(path, "expected a Zarr array (zarr.json or .zarray), got none"));
         };
         let label_type = node.label_type()?;
-        let array = Array::open(Arc::new(ZarrFiles::new(path.to_owned())), "/").map_err(|e| {
+        zarr_codecs::register();
+        let mut files = ZarrFiles::new(path.to_owned());
+        if let Some(most) = node.blosc_most(label_type) {
+            files = files.with_blosc_of(most);
+        }
+        let array = Array::open(Arc::new(files), "/").map_err(|e| {
             FormatError::unsupported(
                 path,
                 one_line(&format!("the array's metadata: {e}")),
@@ -271,8 +277,13 @@ impl Opened {
                 NonZeroU64::new(outer / inner.get()).filter(|_| outer.is_multiple_of(inner.get()))
             };
             let chunks: Option<Vec<NonZeroU64>> = outer.iter().zip(&sharding.chunk).map(fits).collect();
-            let chunks =
-                chunks.filter(|chunks| chunks.len() == outer.len() && sharding.chunk.len() == outer.len())?;
+            // So many that their number overflows have no index in any file.
+            let count = chunks.iter().flatten().try_fold(1u64, |count, n| count.checked_mul(n.get()));
+            let chunks = chunks.filter(|chunks| {
+                chunks.len() == outer.len()
+                    && sharding.chunk.len() == outer.len()
+                    && count.is_some_and(|count| count < 1 << 40)
+            })?;
             Some((sharding, chunks))
         });
         let (chunk, shard): (Vec<u64>, Vec<u64>) = match &sharding {

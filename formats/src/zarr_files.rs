@@ -12,17 +12,26 @@ use pumice_core::{open_input, reserve};
 use zarrs::storage::byte_range::{ByteRange, ByteRangeIterator};
 use zarrs::storage::{Bytes, MaybeBytes, MaybeBytesIterator, ReadableStorageTraits, StorageError, StoreKey};
 
+use crate::bounded_decoder::check_blosc;
 use crate::stores::is_absent;
 
 /// Files below a folder, by their path in it.
 #[derive(Debug)]
 pub(crate) struct ZarrFiles {
     folder: PathBuf,
+    /// Bytes of a chunk, where chunks are frames of blosc.
+    blosc_most: Option<u64>,
 }
 
 impl ZarrFiles {
     pub(crate) fn new(folder: PathBuf) -> Self {
-        Self { folder }
+        Self { folder, blosc_most: None }
+    }
+
+    /// Checks that chunks, which are frames of blosc, hold at most so many bytes: `zarrs` decodes those of Zarr 2 by itself, and allocates what they
+    /// say.
+    pub(crate) fn with_blosc_of(self, most: u64) -> Self {
+        Self { blosc_most: Some(most), ..self }
     }
 
     pub(crate) fn path(&self, key: &StoreKey) -> PathBuf {
@@ -70,7 +79,12 @@ fn part(file: &mut File, size: u64, range: ByteRange) -> Result<Bytes, StorageEr
 impl ReadableStorageTraits for ZarrFiles {
     fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
         let Some((mut file, size)) = self.open(key)? else { return Ok(None) };
-        part(&mut file, size, ByteRange::FromStart(0, None)).map(Some)
+        let bytes = part(&mut file, size, ByteRange::FromStart(0, None))?;
+        // The names of descriptions begin with a dot.
+        if let Some(most) = self.blosc_most.filter(|_| !key.as_str().starts_with('.')) {
+            check_blosc(&bytes, most).map_err(StorageError::Other)?;
+        }
+        Ok(Some(bytes))
     }
 
     fn get_partial_many<'a>(

@@ -7,6 +7,7 @@ use serde_json::Value;
 
 use crate::array_axes::shape_text;
 use crate::choice::{ChoiceValue, OpenChoice};
+use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::ome_zarr;
@@ -91,6 +92,14 @@ impl Node {
                 "labels are integers, or floating-point numbers that are whole",
             )
         })
+    }
+
+    /// Bytes of a chunk of an array of Zarr 2 whose chunks are frames of blosc.
+    pub(crate) fn blosc_most(&self, label_type: LabelType) -> Option<u64> {
+        let compressor = self.metadata.get("compressor")?.get("id")?.as_str()?;
+        let chunk = numbers(self.metadata.get("chunks")).filter(|_| compressor == "blosc")?;
+        let element = Element::new(label_type, false).bytes() as u64;
+        Some(chunk.iter().fold(element, |bytes, &size| bytes.saturating_mul(size)))
     }
 
     /// Names of the codecs, such as `blosc` or `sharded zstd`.

@@ -80,9 +80,31 @@ fn with_axes(folder: &Path) -> Vec<(PathBuf, &'static str)> {
     vec![
         (write(folder, "a.nrrd", &[LAYERS, &[1; 120]].concat()), "NRRD"),
         (write(folder, "a.nii", &Nifti::new(1, false, 2).file(&[1; 60])), "NIfTI"),
-        (write(folder, "a.tif", &stack(IMAGEJ, 12)), "TIFF"),
         (write(folder, "a.mha", &meta), "MetaImage"),
     ]
+}
+
+#[test]
+fn pages_whose_meaning_is_open_or_doubtful_list_the_orders() {
+    let folder = tempfile::tempdir().unwrap();
+    let orders = |path: &Path| {
+        let found = choices(path, &OpenOptions::default());
+        let axes = found.iter().find(|choice| choice.0 == "axes");
+        axes.map(|(_, values, assumed)| {
+            (values.iter().map(|v| v.0.clone()).collect::<Vec<_>>().join(" "), *assumed)
+        })
+    };
+    let all = |assumed| Some(("zyx tyx cyx".to_owned(), Some(assumed)));
+    assert_eq!(orders(&write(folder.path(), "p.tif", &stack("ImageJ=1.54f\nimages=5\n", 5))), all("zyx"));
+    let frames = write(folder.path(), "t.tif", &stack("ImageJ=1.54f\nimages=5\nframes=5\n", 5));
+    assert_eq!(orders(&frames), all("tyx"));
+    // Said by the file, or nothing to say, or several axes.
+    assert_eq!(orders(&write(folder.path(), "z.tif", &stack("ImageJ=1.54f\nimages=5\nslices=5\n", 5))), None);
+    assert_eq!(orders(&write(folder.path(), "1.tif", &stack("", 1))), None);
+    assert_eq!(orders(&write(folder.path(), "c.tif", &stack(IMAGEJ, 12))), None);
+    let slices = OpenOptions { axes: Some(ArrayAxes::Zyx), ..OpenOptions::default() };
+    let found = probe(&frames, &slices).unwrap();
+    assert_eq!((found.info.dims[2], found.choices.len()), (5, 0));
 }
 
 #[test]
@@ -182,7 +204,7 @@ fn files_that_say_which_axis_is_which_refuse_an_order() {
     let ask = |axes| OpenOptions { layer: None, axes: Some(axes), ..OpenOptions::default() };
     for (path, name) in with_axes(folder.path()) {
         assert!(probe(&path, &OpenOptions::default()).is_ok(), "{name}: the file itself is good");
-        for axes in ArrayAxes::ALL {
+        for axes in ArrayAxes::OF_ARRAYS {
             let error = probe(&path, &ask(axes)).unwrap_err().to_string();
             assert!(error.contains(&format!("{name} files say which axis is which")), "{error}");
             assert!(error.contains(axes.name()) && !error.contains('\n'), "{error}");
@@ -265,8 +287,10 @@ fn an_index_is_refused_where_there_is_one_unless_a_scene_records_0() {
 #[test]
 fn orientation_is_that_of_the_world_which_the_file_states() {
     let folder = tempfile::tempdir().unwrap();
-    let expected = [Some("LPS"), Some("RAS"), None, Some("LPS")];
-    for ((path, name), expected) in with_axes(folder.path()).into_iter().zip(expected) {
+    let expected = [Some("LPS"), Some("RAS"), Some("LPS"), None];
+    let mut files = with_axes(folder.path());
+    files.push((write(folder.path(), "a.tif", &stack(IMAGEJ, 12)), "TIFF"));
+    for ((path, name), expected) in files.into_iter().zip(expected) {
         assert_eq!(probe(&path, &OpenOptions::default()).unwrap().orientation.as_deref(), expected, "{name}");
     }
 }

@@ -21,6 +21,7 @@ from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWar
 from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
+from .parts import chunk_count, compress_part, merge
 from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
 from .reference_picture import ReferencePicture
 from .renderer import Renderer
@@ -61,13 +62,16 @@ __all__ = [
     "Volume",
     "__version__",
     "agreement",
+    "chunk_count",
     "compress",
+    "compress_part",
     "count_faces",
     "cryptomatte_hash",
     "devices",
     "distinct_colors",
     "export",
     "figure",
+    "merge",
     "open",
     "open_picture",
     "probe",

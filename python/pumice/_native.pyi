@@ -517,6 +517,10 @@ class Volume:
         """
         Number of voxels of each label.
         """
+    def write(self, /, path: str | PathLike[str], *, write_as: tuple[str | None, str | None, bool, str | None, bool, SupportsIndex | None], job: Job | None = None) -> list[str]:
+        """
+        Writes the labels in a format of other programs; returns what the format does not hold, a line each.
+        """
 
 def _end_calls() -> None:
     """
@@ -534,10 +538,26 @@ def agreement(ours: Any, theirs: Any, covered: Any) -> str:
     pixel, 0 where it shows no surface. Returns the verdict and its statistics as JSON text.
     """
 
+def chunk_count(dims: SupportsLenAndGetItem[SupportsIndex]) -> int:
+    """
+    Number of chunks of a volume of `dims` voxels.
+    """
+
+def chunk_regions(dims: SupportsLenAndGetItem[SupportsIndex], chunks: str) -> list[list[list[int]]]:
+    """
+    First voxel of these chunks along x, y and z, and the one after the last, chunk after chunk.
+    """
+
 def compress(source: str | PathLike[str] | Incomplete, *, given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
     does not fit.
+    """
+
+def compress_part(source: str | PathLike[str] | Incomplete, out: str | PathLike[str], *, chunks: str, source_name: str, fingerprint: str, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> list[str]:
+    """
+    Compresses some chunks of a file, or of blocks that are of these chunks alone, into a part; returns the reader's warnings. `source_name` and
+    `fingerprint` tell blocks from those of other sources; a file says that itself.
     """
 
 def count_faces(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, limit: SupportsIndex, job: Job | None = None) -> int:
@@ -571,6 +591,11 @@ def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetI
     their dashes, each with its text.
     """
 
+def merge(parts: SupportsGetItem[int, str | PathLike[str]], out: str | PathLike[str], *, level: str = "default", given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, job: Job | None = None) -> tuple[str, list[str]]:
+    """
+    Joins parts to the volume's file; returns what was written as JSON text, and what of the table does not fit.
+    """
+
 def one_line(text: str) -> str:
     """
     A text as it is shown: on one line of bounded length, with control characters as escapes.
@@ -602,7 +627,7 @@ def read_picture(path: str | PathLike[str]) -> Picture:
     Reads a picture from an OpenEXR file.
     """
 
-def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], annotate: Incomplete, *, denoise: bool, job: Job | None, on_progress: Any | None) -> Picture:
+def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], annotate: Incomplete, *, denoise: bool, memory_limit: SupportsIndex | None, job: Job | None, on_progress: Any | None) -> Picture:
     """
     Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
     `meshes[i]` belongs to its mesh i.

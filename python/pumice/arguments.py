@@ -7,7 +7,7 @@ import numbers
 import operator
 import os
 from collections.abc import Iterable, Sequence
-from typing import Any, Literal, NamedTuple, TypedDict
+from typing import Any, Literal, NamedTuple, TypedDict, get_args
 
 import numpy as np
 import numpy.typing as npt
@@ -21,8 +21,13 @@ MOST_32 = (1 << 32) - 1
 MOST_64 = (1 << 64) - 1
 
 
-Axes = Literal["xyz", "zyx"]
+Axes = Literal[
+    "xyz", "zyx", "tyx", "cyx", "tzyx", "ztyx", "czyx", "zcyx", "tcyx", "ctyx", "tczyx", "tzcyx", "ctzyx", "cztyx", "ztcyx", "zctyx"
+]
 Missing = Literal["fill", "error"]
+Store = Literal["ome-zarr", "precomputed"]
+OmeVersion = Literal["0.4", "0.5"]
+Encoding = Literal["compressed_segmentation", "raw"]
 
 
 class Choice(TypedDict, total=False):
@@ -268,10 +273,10 @@ def raw_layout(raw_dims: Any = None, raw_type: Any = None, raw_big_endian: Any =
 
 
 def order(axes: Any) -> Axes | None:
-    """The order of an array's axes: xyz, zyx or None."""
-    if axes is None or axes == "xyz" or axes == "zyx":
-        return axes  # type: ignore[no-any-return]
-    raise InputError(f"axes: expected 'xyz' or 'zyx', got {axes!r}")
+    """The order of an array's axes, or of a TIFF file's pages; or None."""
+    if axes is None or (isinstance(axes, str) and axes in get_args(Axes)):
+        return axes  # type: ignore[return-value]
+    raise InputError(f"axes: expected one of {', '.join(get_args(Axes))}, got {axes!r}")
 
 
 def three_lengths(spacing: Iterable[Any]) -> tuple[float, float, float]:

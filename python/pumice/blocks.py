@@ -18,6 +18,8 @@ import numpy.typing as npt
 
 from .errors import InputError
 
+# The voxels of a chunk along x, y and z: the first, and the one after the last.
+Region = Sequence[Sequence[int]]
 Block = tuple[tuple[int, int, int], tuple[int, int, int], npt.NDArray[Any]]
 
 THICKNESS = 64
@@ -63,24 +65,25 @@ def shape_of(array: Any) -> tuple[int, int, int]:
     return shape[0], shape[1], shape[2]
 
 
-def delivery(array: Any) -> Callable[[], Block | None]:
-    """A function that gives the next block each time, and None after the last."""
-    blocks = _blocks(array)
+def delivery(array: Any, regions: Sequence[Region] | None = None) -> Callable[[], Block | None]:
+    """A function that gives the next block each time, and None after the last; of `regions`, where they are given, alone."""
+    shape = shape_of(array)
+    blocks = _blocks(array, shape, [[(0, n) for n in shape]] if regions is None else regions)
     return lambda: next(blocks, None)
 
 
-def _blocks(array: Any) -> Iterator[Block]:
-    shape = shape_of(array)
+def _blocks(array: Any, shape: tuple[int, int, int], regions: Sequence[Region]) -> Iterator[Block]:
     steps = _steps(array, shape)
-    for z in range(0, shape[2], steps[2]):
-        for y in range(0, shape[1], steps[1]):
-            for x in range(0, shape[0], steps[0]):
-                origin = (x, y, z)
-                end = tuple(min(o + s, n) for o, s, n in zip(origin, steps, shape, strict=True))
-                dims = (end[0] - x, end[1] - y, end[2] - z)
-                cut = array[x : end[0], y : end[1], z : end[2]]
-                _require_unmasked(cut)
-                yield origin, dims, np.ravel(_unsigned(np.asarray(cut), origin), order="F")
+    for low, high in (zip(*region, strict=True) for region in regions):
+        for z in range(low[2], high[2], steps[2]):
+            for y in range(low[1], high[1], steps[1]):
+                for x in range(low[0], high[0], steps[0]):
+                    origin = (x, y, z)
+                    end = tuple(min(o + s, n) for o, s, n in zip(origin, steps, high, strict=True))
+                    dims = (end[0] - x, end[1] - y, end[2] - z)
+                    cut = array[x : end[0], y : end[1], z : end[2]]
+                    _require_unmasked(cut)
+                    yield origin, dims, np.ravel(_unsigned(np.asarray(cut), origin), order="F")
 
 
 def _steps(array: Any, shape: tuple[int, int, int]) -> list[int]:

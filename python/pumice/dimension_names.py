@@ -29,6 +29,8 @@ def order_of(array: Any, axes: Axes | None) -> Order:
 
     `axes` is what the caller says. InputError where the array says otherwise, and where nobody says it of a stored array.
     """
+    if axes is not None and axes not in ORDERS:
+        raise InputError(f"axes: expected 'xyz' or 'zyx' for an array, got {axes!r}")
     names = _names_of(array)
     letters = [name.strip().lower() for name in names]
     if sorted(letters) == ["x", "y", "z"]:

@@ -223,6 +223,7 @@ def render(
     scale_bar_corner: str = "lower_right",
     legend: int | None = None,
     denoise: bool = False,
+    memory_limit: int | None = None,
     job: Job | None = None,
     on_progress: Callable[[CurvePoint], None] | None = None,
 ) -> Picture:
@@ -238,11 +239,16 @@ def render(
     `10um@center`, `auto@focus`, `10um@12.5`. `scale_bar_corner`: `lower_right`, `lower_left`, `upper_right` or `upper_left`. `legend`: names and colours of at most so many shown labels, most
     voxels first, in the upper left corner, beside which `figure(…, legend=…)` frames what it shows. Both are in `save` and `srgb` and not in
     `color` and the passes. `denoise`: averages pixels of one label that a statistical test cannot tell apart. The picture is then smoother, and biased;
-    `noisy` is the mean of its samples. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
+    `noisy` is the mean of its samples. `memory_limit`: bytes that the volumes may hold while they are drawn, from temporary files then, without `volumes`
+    and on the processor alone; the picture is the same. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
     """
     require_end(scene, spp, seconds, error)
     annotate = arguments.annotate_as(width_mm, dpi, scale_bar, scale_bar_corner, legend)
     how = arguments.render_as(backend, spp, seconds, error)
+    if memory_limit is not None:
+        memory_limit = arguments.whole("memory_limit", memory_limit, 1, arguments.MOST_64)
+        if volumes is not None:
+            raise InputError("memory_limit: these volumes are in memory; leave them out, and the scene's sources are drawn from disk")
     native = _native.render(
         scene._native,
         None if volumes is None else in_order(scene, volumes),
@@ -250,6 +256,7 @@ def render(
         how,
         annotate,
         denoise=bool(denoise),
+        memory_limit=memory_limit,
         job=job,
         on_progress=told_points(on_progress),
     )

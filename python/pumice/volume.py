@@ -14,7 +14,7 @@ import numpy as np
 import numpy.typing as npt
 
 from . import _native, arguments, blocks, dimension_names
-from .arguments import Axes, Choice, Level, Path, Reading
+from .arguments import Axes, Choice, Encoding, Level, OmeVersion, Path, Reading, Store
 from .checked import checked
 from .errors import InputError, PumiceWarning
 from .label_table import AnnotationTable
@@ -206,9 +206,34 @@ class Volume:
         self._source = (os.path.abspath(to), arguments.ReadAs())
 
     @checked
+    def write(
+        self,
+        path: Path,
+        *,
+        format: Store | None = None,
+        ome_version: OmeVersion | None = None,
+        shards: bool = False,
+        encoding: Encoding | None = None,
+        gzip: bool = False,
+        chunk: int | None = None,
+        job: Job | None = None,
+    ) -> None:
+        """Writes the labels for other programs, whole or not at all: `.nrrd`, `.npy`, `.nii`, `.nii.gz` or `.tif`, or a new folder.
+
+        A name that ends with `.zarr` or `.precomputed`, or `format`, makes a folder of OME-Zarr (`ome_version` 0.5, or 0.4 on Zarr 2; `shards`
+        puts 8 × 8 × 8 chunks into a file) or Neuroglancer precomputed (`encoding` compressed_segmentation or raw; `gzip`). `chunk` is the side
+        of a chunk in voxels, 8 to 128, by default 64. Names, types, colours and numbers of labels go with the volume. A `PumiceWarning` tells
+        what a folder does not hold. A folder that exists is not replaced.
+        """
+        to = arguments.path("path", path)
+        write_as = (format, ome_version, bool(shards), encoding, bool(gzip), chunk)
+        for note in self._native.write(to, write_as=write_as, job=job):
+            warnings.warn(note, PumiceWarning, stacklevel=3)
+
+    @checked
     def verify(self, source: Path | Any, *, job: Job | None = None, **choice: Unpack[Choice]) -> None:
         """Compares every voxel and id with `source`, a file or an array; InputError names the first difference. Keywords are as for `open`."""
-        read_as = _choice_of(source, choice)
+        read_as = choice_of(source, choice)
         difference = self._native.difference(_source(source, axes=read_as.axes), job=job, read_as=read_as)
         if difference is not None:
             raise InputError(difference)
@@ -358,7 +383,7 @@ def open(
     chosen = None if labels is None else arguments.ids("labels", labels)
     read_as = arguments.reading(reading)
     native, odd = _native.open(arguments.path("path", path), labels=chosen, mapped=mapped, job=job, read_as=read_as)
-    _warn(odd)
+    warn(odd)
     return Volume(native, (os.path.abspath(path), read_as))
 
 
@@ -408,25 +433,13 @@ def compress(
     """
     if types is not None and table is not None:
         raise InputError("give types or table, not both")
-    typed = _type_table(types)
-    told: tuple[str, ...] = ()
-    if isinstance(table, (str, os.PathLike)):
-        table = AnnotationTable.read(table)
-        told = table.notes
-    elif table is not None and not isinstance(table, AnnotationTable):
-        raise InputError(f"table: expected a path or an AnnotationTable, got {type(table).__name__}")
+    typed = type_table(types)
+    table, told = table_of(table)
     threads = arguments.whole("threads", threads, 0, MOST_THREADS)
     if memory_limit is not None:
         memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
-    read_as = _choice_of(source, choice)
-    if isinstance(source, (str, os.PathLike)):
-        for name, given in (("unit", unit or None), ("world_from_index", world_from_index), ("names", names)):
-            if given is not None:
-                raise InputError(f"{name}: a file says that itself; only arrays take it")
-        described: str | _Blocks = arguments.path("source", source)
-        read_as = read_as._replace(spacing=None if spacing is None else arguments.three_lengths(spacing))
-    else:
-        described = _source(source, spacing, unit, world_from_index, names, read_as.axes)
+    read_as = choice_of(source, choice)
+    described, read_as = described_source(source, spacing, unit, world_from_index, names, read_as)
     native, odd = _native.compress(
         described,
         given=typed if table is None else table.native(),
@@ -435,10 +448,39 @@ def compress(
         read_as=read_as,
         job=job,
     )
-    _warn([*told, *odd])
+    warn([*told, *odd])
     # What a table says of the labels is not in the file.
     is_file = isinstance(described, str) and types is None and table is None
     return Volume(native, (os.path.abspath(str(described)), read_as) if is_file else None)
+
+
+def described_source(
+    source: Path | Any,
+    spacing: Sequence[float] | None,
+    unit: str,
+    world_from_index: npt.ArrayLike | None,
+    names: Mapping[int, str] | None,
+    read_as: arguments.ReadAs,
+    chunks: str | None = None,
+) -> tuple[str | _Blocks, arguments.ReadAs]:
+    """A source as the compiled part takes it, and how it is read."""
+    if not isinstance(source, (str, os.PathLike)):
+        return _source(source, spacing, unit, world_from_index, names, read_as.axes, chunks), read_as
+    for name, given in (("unit", unit or None), ("world_from_index", world_from_index), ("names", names)):
+        if given is not None:
+            raise InputError(f"{name}: a file says that itself; only arrays take it")
+    lengths = None if spacing is None else arguments.three_lengths(spacing)
+    return arguments.path("source", source), read_as._replace(spacing=lengths)
+
+
+def table_of(table: AnnotationTable | Path | None) -> tuple[AnnotationTable | None, tuple[str, ...]]:
+    """A table that is given or in a file, and what its reader has to say."""
+    if isinstance(table, (str, os.PathLike)):
+        read = AnnotationTable.read(table)
+        return read, read.notes
+    if table is not None and not isinstance(table, AnnotationTable):
+        raise InputError(f"table: expected a path or an AnnotationTable, got {type(table).__name__}")
+    return table, ()
 
 
 def visible_rows(volume: Volume, labels: Iterable[int] | None) -> list[bool]:
@@ -453,9 +495,10 @@ def visible_rows(volume: Volume, labels: Iterable[int] | None) -> list[bool]:
 class _Blocks:
     """An array as the compiled part takes it: its description, and a function that delivers its blocks."""
 
-    def __init__(self, info: str, array: Any) -> None:
+    def __init__(self, info: str, array: Any, chunks: str | None) -> None:
         self.info = info
-        self.next = blocks.delivery(array)
+        regions = None if chunks is None else _native.chunk_regions(blocks.shape_of(array), chunks)
+        self.next = blocks.delivery(array, regions)
 
 
 def _source(
@@ -465,7 +508,9 @@ def _source(
     world_from_index: npt.ArrayLike | None = None,
     names: Mapping[int, str] | None = None,
     axes: Axes | None = None,
+    chunks: str | None = None,
 ) -> str | _Blocks:
+    """A path as it is, or an array's description and blocks: those of some `chunks` alone, where they are given."""
     if isinstance(source, (str, os.PathLike)):
         return arguments.path("source", source)
     if not hasattr(source, "dtype") or not hasattr(source, "shape"):
@@ -491,10 +536,10 @@ def _source(
     columns = matrix[:3].T.ravel().tolist()
     listed = list(zip(arguments.ids("names", names or {}), map(str, (names or {}).values()), strict=True))
     info = _native.volume_info(blocks.shape_of(source), kind, columns, unit, listed)
-    return _Blocks(info, source)
+    return _Blocks(info, source, chunks)
 
 
-def _choice_of(source: Path | Any, choice: Choice) -> arguments.ReadAs:
+def choice_of(source: Path | Any, choice: Choice) -> arguments.ReadAs:
     if "spacing" in choice:
         raise TypeError("unexpected keyword argument 'spacing'")
     if not isinstance(source, (str, os.PathLike)):
@@ -504,7 +549,7 @@ def _choice_of(source: Path | Any, choice: Choice) -> arguments.ReadAs:
     return arguments.reading(choice)
 
 
-def _warn(odd: list[str]) -> None:
+def warn(odd: list[str]) -> None:
     for line in odd:
         # The warning points to the line that called `open` or `compress`.
         warnings.warn(line, PumiceWarning, stacklevel=4)
@@ -520,7 +565,7 @@ def _number_type(dtype: npt.DTypeLike) -> np.dtype[Any]:
     return wanted
 
 
-def _type_table(types: Mapping[int, str] | Path | None) -> str | pathlib.Path | None:
+def type_table(types: Mapping[int, str] | Path | None) -> str | pathlib.Path | None:
     """The text of a table id,type, or the file that has one."""
     if types is None:
         return None

@@ -14,6 +14,7 @@ mod label_table;
 mod labels;
 mod live;
 mod mesh;
+mod parts;
 mod picture;
 mod reference_picture;
 mod renderer;
@@ -49,6 +50,8 @@ mod _native {
     use crate::live::Session;
     #[pymodule_export]
     use crate::mesh::Mesh;
+    #[pymodule_export]
+    use crate::parts::{chunk_count, chunk_regions, compress_part, merge};
     #[pymodule_export]
     use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, read_picture, render};
     #[pymodule_export]

@@ -232,7 +232,7 @@ impl AnnotateAs {
 /// Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
 /// `meshes[i]` belongs to its mesh i.
 #[pyfunction]
-#[pyo3(signature = (scene, volumes, meshes, how, annotate, *, denoise, job, on_progress))]
+#[pyo3(signature = (scene, volumes, meshes, how, annotate, *, denoise, memory_limit, job, on_progress))]
 #[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
 pub(crate) fn render(
     py: Python<'_>,
@@ -242,6 +242,7 @@ pub(crate) fn render(
     how: RenderAs,
     annotate: AnnotateAs,
     denoise: bool,
+    memory_limit: Option<u64>,
     job: Option<&Bound<'_, Job>>,
     on_progress: Option<Py<PyAny>>,
 ) -> PyResult<Picture> {
@@ -264,7 +265,10 @@ pub(crate) fn render(
                 &scene,
                 None,
                 &OpenOptions::default(),
-                pumice_session::Residence::Copied,
+                match memory_limit {
+                    None => pumice_session::Residence::Copied,
+                    limit => pumice_session::Residence::within(limit),
+                },
                 &job,
             )?,
         };

@@ -8,11 +8,14 @@ use std::sync::{Arc, Mutex};
 use glam::DAffine3;
 use pumice_core::{
     BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Error as CoreError, LabelBlock,
-    LabelBuffer, LabelNote, LabelType, TypeTable, Unit, Verification, VolumeInfo,
+    LabelBuffer, LabelNote, LabelType, Outputs, TypeTable, Unit, Verification, VolumeInfo,
 };
 use pumice_export::{CoarseSurface, Corners, Interfaces, QuadMesh};
 use pumice_session::values::label_type;
-use pumice_session::{ArrayAxes, LabelRows, OpenOptions, RawLayout, Residence, Roi, Scale, SessionError};
+use pumice_session::{
+    ArrayAxes, LabelRows, OmeVersion, OpenOptions, PrecomputedEncoding, RawLayout, Residence, Roi, Scale,
+    SessionError, StoreName,
+};
 use pyo3::buffer::PyBuffer;
 use pyo3::prelude::*;
 use serde_json::json;
@@ -69,8 +72,12 @@ pub(crate) fn reading(
     let roi: Option<Roi> = parsed("roi", roi)?;
     let missing_chunks = parsed("missing_chunks", missing_chunks)?;
     let order = |name: String| {
-        ArrayAxes::of_name(&name)
-            .ok_or_else(|| input(&format_args!("axes: expected 'xyz' or 'zyx', got {name:?}")))
+        ArrayAxes::of_name(&name).ok_or_else(|| {
+            input(&format_args!(
+                "axes: expected one of {}, got {name:?}",
+                ArrayAxes::ALL.map(ArrayAxes::name).join(" ")
+            ))
+        })
     };
     let axes = axes.map(order).transpose()?;
     let raw = raw.map(|(dims, name, big_endian, offset)| {
@@ -98,6 +105,35 @@ pub(crate) fn reading(
 }
 
 /// The value of a keyword that has a text form.
+/// What a volume is written as: format, version of OME, shards, encoding, gzip and side of a chunk; a `pumice.arguments.WriteAs`.
+type WriteAs = (Option<String>, Option<String>, bool, Option<String>, bool, Option<u32>);
+
+fn writing(
+    (format, ome_version, shards, encoding, gzip, chunk): WriteAs,
+) -> PyResult<pumice_session::WriteAs> {
+    fn named<T: Copy>(
+        keyword: &str,
+        text: Option<String>,
+        all: &[T],
+        name: fn(T) -> &'static str,
+    ) -> PyResult<Option<T>> {
+        let Some(text) = text else { return Ok(None) };
+        let found = all.iter().copied().find(|&value| name(value) == text);
+        let names: Vec<&str> = all.iter().map(|&value| name(value)).collect();
+        found.map(Some).ok_or_else(|| {
+            input(&format_args!("{keyword}: expected one of {}, got {text:?}", names.join(" ")))
+        })
+    }
+    Ok(pumice_session::WriteAs {
+        format: named("format", format, &StoreName::ALL, StoreName::name)?,
+        ome_version: named("ome_version", ome_version, &OmeVersion::ALL, OmeVersion::name)?,
+        shards,
+        encoding: named("encoding", encoding, &PrecomputedEncoding::ALL, PrecomputedEncoding::name)?,
+        gzip,
+        chunk,
+    })
+}
+
 fn parsed<T: FromStr<Err = String>>(keyword: &str, text: Option<String>) -> PyResult<Option<T>> {
     text.map(|text| text.parse::<T>().map_err(|e| input(&format_args!("{keyword}: {e}")))).transpose()
 }
@@ -332,16 +368,28 @@ impl Volume {
     /// Writes a `.pumice` file, which appears complete or not at all.
     #[pyo3(signature = (path, level="default", job=None))]
     fn save(&self, py: Python<'_>, path: PathBuf, level: &str, job: Option<&Bound<'_, Job>>) -> PyResult<()> {
-        let level = match level {
-            "fast" => CompressionLevel::Fast,
-            "default" => CompressionLevel::Default,
-            "small" => CompressionLevel::Small,
-            other => {
-                return Err(input(&format_args!("level: expected fast, default or small, got {other:?}")));
-            }
-        };
+        let level = level_of(level)?;
         let job = job_of(job);
         released(py, &job, || self.0.save(&path, level, &job))
+    }
+
+    /// Writes the labels in a format of other programs; returns what the format does not hold, a line each.
+    #[pyo3(signature = (path, *, write_as, job=None))]
+    fn write(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        write_as: WriteAs,
+        job: Option<&Bound<'_, Job>>,
+    ) -> PyResult<Vec<String>> {
+        let how = writing(write_as)?;
+        let job = job_of(job);
+        released(py, &job, || {
+            if how.store(&path)?.is_none() {
+                Outputs::default().declare(&path)?;
+            }
+            pumice_session::write_labels_of(&self.0, &path, &how, &job)
+        })
     }
 
     /// Compares with a file, or with blocks; `None` if every voxel and id is the same, else the first difference.
@@ -435,6 +483,31 @@ pub(crate) enum Given {
     TypesFile(PathBuf),
 }
 
+/// The level with this name.
+pub(crate) fn level_of(name: &str) -> PyResult<CompressionLevel> {
+    match name {
+        "fast" => Ok(CompressionLevel::Fast),
+        "default" => Ok(CompressionLevel::Default),
+        "small" => Ok(CompressionLevel::Small),
+        other => Err(input(&format_args!("level: expected fast, default or small, got {other:?}"))),
+    }
+}
+
+impl Given {
+    /// The types, or the table.
+    pub(crate) fn parts(&self) -> PyResult<(Option<TypeTable>, Option<&pumice_core::AnnotationTable>)> {
+        Ok(match self {
+            Self::Types(text) => {
+                (Some(TypeTable::parse_csv(text).map_err(IntoException::into_exception)?), None)
+            }
+            Self::Table(table) => (None, Some(&table.get().0)),
+            Self::TypesFile(path) => {
+                (Some(pumice_session::read_types(path).map_err(IntoException::into_exception)?), None)
+            }
+        })
+    }
+}
+
 /// Compresses a file, or blocks, and gives the labels what the caller says of them; also returns the reader's warnings, and what of the table
 /// does not fit.
 #[pyfunction]
@@ -449,16 +522,7 @@ pub(crate) fn compress(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Opened> {
     let job = job_of(job);
-    let (types, table) = match &given {
-        Some(Given::Types(text)) => {
-            (Some(TypeTable::parse_csv(text).map_err(IntoException::into_exception)?), None)
-        }
-        Some(Given::Table(table)) => (None, Some(&table.get().0)),
-        Some(Given::TypesFile(path)) => {
-            (Some(pumice_session::read_types(path).map_err(IntoException::into_exception)?), None)
-        }
-        None => (None, None),
-    };
+    let (types, table) = given.as_ref().map_or(Ok((None, None)), Given::parts)?;
     let reading = reading(read_as)?;
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
@@ -471,7 +535,7 @@ pub(crate) fn compress(
 }
 
 /// Runs `work` on a source, with the interpreter released except while blocks are fetched from Python.
-fn with_source<T: Send>(
+pub(crate) fn with_source<T: Send>(
     py: Python<'_>,
     source: Source,
     reading: &OpenOptions,

@@ -24,7 +24,7 @@ pub struct Reading {
     /// Name of an array in an `.npz` archive.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub array: Option<String>,
-    /// Meaning of the axes of a NumPy array.
+    /// Meaning of the axes of an array, or of the pages of a TIFF file.
     #[serde(skip_serializing_if = "Option::is_none")]
     pub axes: Option<AxisOrder>,
     /// Lengths of a voxel along x, y, z in the file's unit, in place of those that the file states.
@@ -60,14 +60,73 @@ impl Reading {
     }
 }
 
-/// Meaning of the axes of a NumPy array, in the order of its indices.
+/// Meaning of the axes of an array in the order of its indices, or of a TIFF file's pages, slowest first, and the pixels of a page.
 #[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
 #[serde(rename_all = "snake_case")]
+#[allow(missing_docs, reason = "each order is its name")]
 pub enum AxisOrder {
     /// `a[x, y, z]`.
     Xyz,
-    /// `a[z, y, x]`.
+    /// `a[z, y, x]`; the pages of a TIFF file are slices.
     Zyx,
+    Tyx,
+    Cyx,
+    Tzyx,
+    Ztyx,
+    Czyx,
+    Zcyx,
+    Tcyx,
+    Ctyx,
+    Tczyx,
+    Tzcyx,
+    Ctzyx,
+    Cztyx,
+    Ztcyx,
+    Zctyx,
+}
+
+impl AxisOrder {
+    /// All orders.
+    pub const ALL: [Self; 16] = [
+        Self::Xyz,
+        Self::Zyx,
+        Self::Tyx,
+        Self::Cyx,
+        Self::Tzyx,
+        Self::Ztyx,
+        Self::Czyx,
+        Self::Zcyx,
+        Self::Tcyx,
+        Self::Ctyx,
+        Self::Tczyx,
+        Self::Tzcyx,
+        Self::Ctzyx,
+        Self::Cztyx,
+        Self::Ztcyx,
+        Self::Zctyx,
+    ];
+
+    /// Its name, such as `zyx`.
+    pub fn name(self) -> &'static str {
+        match self {
+            Self::Xyz => "xyz",
+            Self::Zyx => "zyx",
+            Self::Tyx => "tyx",
+            Self::Cyx => "cyx",
+            Self::Tzyx => "tzyx",
+            Self::Ztyx => "ztyx",
+            Self::Czyx => "czyx",
+            Self::Zcyx => "zcyx",
+            Self::Tcyx => "tcyx",
+            Self::Ctyx => "ctyx",
+            Self::Tczyx => "tczyx",
+            Self::Tzcyx => "tzcyx",
+            Self::Ctzyx => "ctzyx",
+            Self::Cztyx => "cztyx",
+            Self::Ztcyx => "ztcyx",
+            Self::Zctyx => "zctyx",
+        }
+    }
 }
 
 /// A level of a file that holds a volume at several.

@@ -21,10 +21,11 @@ use machine::Trust;
 use pumice_core::open_input;
 use pumice_cpu::CpuRenderer;
 use pumice_picture::{Image, radiance_file};
+use pumice_transport::LoadedScene;
 use pumice_vulkan::device::{Backend, DeviceKind};
 use serde::Serialize;
 
-use crate::error::Result;
+use crate::error::{Result, SessionError};
 use crate::measure::processor_name;
 
 pub use cache_folder::CACHE_VARIABLE;
@@ -140,6 +141,22 @@ fn processor() -> String {
     let name = processor_name().unwrap_or_else(|| format!("{} processor", std::env::consts::ARCH));
     let threads = std::thread::available_parallelism().map_or(1, usize::from);
     format!("{name} on {threads} thread{}", if threads == 1 { "" } else { "s" })
+}
+
+/// The backend for a scene where `name` was asked for: volumes that are drawn from disk are drawn on the processor.
+///
+/// # Errors
+/// Where another backend was named for such volumes.
+pub fn backend_for<'a>(scene: &LoadedScene, name: &'a str) -> Result<&'a str> {
+    if scene.volumes().iter().all(|volume| volume.pages().is_none()) {
+        return Ok(name);
+    }
+    match name {
+        "auto" | "cpu" => Ok("cpu"),
+        named => Err(SessionError::Caller(format!(
+            "memory limit: {named} needs whole volumes in memory; only the backend cpu draws from disk"
+        ))),
+    }
 }
 
 /// Makes the renderer that `name` asks for: `auto`, `cpu`, or a Vulkan backend, which may name its device: `vulkan-rt:0`. A device

@@ -1,10 +1,10 @@
-//! Compresses a label volume into a `.pumice` file, decompresses it, and verifies that nothing was lost.
+//! Compresses a label volume into a `.pumice` file, and verifies that nothing was lost.
 
 use std::path::{Path, PathBuf};
 
 use pumice_core::{
     CompressOptions, CompressedVolume, CompressionLevel, Job, Outputs, TypeTable, Verification,
-    compress_to_file, read_input,
+    WrittenVolume, compress_to_file, read_input,
 };
 use pumice_formats::OpenOptions;
 use serde::Serialize;
@@ -12,6 +12,7 @@ use serde::Serialize;
 use crate::error::{Result, SessionError, io};
 use crate::label_files::{TableFit, annotate, read_table};
 use crate::measure::Stopwatch;
+use crate::resumable::check_no_leftovers;
 
 /// Input, output and options of [`compress_file`].
 #[derive(Clone, Debug)]
@@ -69,58 +70,100 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
     let clock = Stopwatch::start();
     let outputs = &request.reading.outputs;
     outputs.declare(&request.output)?;
-    request.types.iter().chain(&request.table).try_for_each(|table| outputs.check_input(table))?;
-    let types = request.types.as_deref().map(read_types).transpose()?;
-    let table = request.table.as_deref().map(read_table).transpose()?;
+    check_no_leftovers(&request.output)?;
+    let labels = LabelsGiven::read(request.types.as_deref(), request.table.as_deref(), outputs)?;
     let mut source = pumice_formats::open(&request.input, &request.reading)?;
     let options = CompressOptions {
         threads: request.threads.unwrap_or(0),
         memory_limit_bytes: request.memory_limit_bytes,
-        types,
+        types: labels.types.clone(),
         ..CompressOptions::default()
     };
-    let (mut fit, mut failure) = (None, None);
-    let mut table = table;
-    let mut describe = |volume: &mut CompressedVolume| {
-        let Some((table, notes)) = table.take() else { return Ok(()) };
-        match annotate(volume, &table, notes) {
-            Ok(of_table) => {
-                fit = Some(of_table);
-                Ok(())
-            }
-            Err(error) => {
-                // The error itself is returned below.
-                failure = Some(error);
-                Err(pumice_core::Error::Cancelled)
-            }
-        }
-    };
-    let written =
-        compress_to_file(source.as_mut(), &request.output, request.level, &options, &mut describe, job);
-    if let Some(error) = failure {
-        return Err(error);
-    }
-    let written = written.map_err(|e| match e {
-        pumice_core::Error::Limit { what, limit, got } if Some(limit) == request.memory_limit_bytes => {
-            let (input, what) = (request.input.display(), what.replacen(" of memory", "", 1));
+    let (written, fit) = labels.describing(|describe| {
+        compress_to_file(source.as_mut(), &request.output, request.level, &options, describe, job)
+            .map_err(|e| limit_error(e, &request.input, request.memory_limit_bytes))
+    })?;
+    Ok(CompressOutcome::of(&written, &clock, request.reading.warnings.list(), fit))
+}
+
+/// An error of compressing `input`, which says of a memory limit that it is an option.
+pub(crate) fn limit_error(error: pumice_core::Error, input: &Path, given: Option<u64>) -> SessionError {
+    match error {
+        pumice_core::Error::Limit { what, limit, got } if Some(limit) == given => {
+            let (input, what) = (input.display(), what.replacen(" of memory", "", 1));
             SessionError::Caller(format!(
                 "{input}: --memory-limit {limit} is too small: {got} {what} are needed"
             ))
         }
         other => other.into(),
-    })?;
-    Ok(CompressOutcome {
-        seconds: clock.seconds(),
-        cpu_seconds: clock.cpu_seconds(),
-        dims: written.dims,
-        labels: written.labels,
-        boxes: written.boxes,
-        bytes_raw: written.dims.iter().fold(4, |bytes: u64, &d| bytes.saturating_mul(d.into())),
-        bytes_disk: written.bytes_disk,
-        bytes_volume: written.bytes_volume,
-        warnings: request.reading.warnings.list(),
-        table: fit,
-    })
+    }
+}
+
+impl CompressOutcome {
+    /// What was written since `clock` was started.
+    pub(crate) fn of(
+        written: &WrittenVolume,
+        clock: &Stopwatch,
+        warnings: Vec<String>,
+        table: Option<TableFit>,
+    ) -> Self {
+        Self {
+            seconds: clock.seconds(),
+            cpu_seconds: clock.cpu_seconds(),
+            dims: written.dims,
+            labels: written.labels,
+            boxes: written.boxes,
+            bytes_raw: written.dims.iter().fold(4, |bytes: u64, &d| bytes.saturating_mul(d.into())),
+            bytes_disk: written.bytes_disk,
+            bytes_volume: written.bytes_volume,
+            warnings,
+            table,
+        }
+    }
+}
+
+/// Gives names, types and numbers to the labels of a volume without boxes.
+pub(crate) type Describe<'d> = &'d mut (dyn FnMut(&mut CompressedVolume) -> pumice_core::Result<()> + Send);
+
+/// What a caller says of the labels, read before the work.
+pub(crate) struct LabelsGiven {
+    pub(crate) types: Option<TypeTable>,
+    table: Option<(pumice_core::AnnotationTable, Vec<String>)>,
+}
+
+impl LabelsGiven {
+    /// Reads the files that are given; neither may be an output.
+    pub(crate) fn read(types: Option<&Path>, table: Option<&Path>, outputs: &Outputs) -> Result<Self> {
+        types.iter().chain(&table).try_for_each(|table| outputs.check_input(table))?;
+        Ok(Self { types: types.map(read_types).transpose()?, table: table.map(read_table).transpose()? })
+    }
+
+    /// Calls `write` with the function that describes labels; returns how the table fits, too.
+    pub(crate) fn describing<T>(
+        self,
+        write: impl FnOnce(Describe<'_>) -> Result<T>,
+    ) -> Result<(T, Option<TableFit>)> {
+        let (mut fit, mut failure, mut table) = (None, None, self.table);
+        let mut describe = |volume: &mut CompressedVolume| {
+            let Some((table, notes)) = table.take() else { return Ok(()) };
+            match annotate(volume, &table, notes) {
+                Ok(of_table) => {
+                    fit = Some(of_table);
+                    Ok(())
+                }
+                Err(error) => {
+                    // The error itself is returned below.
+                    failure = Some(error);
+                    Err(pumice_core::Error::Cancelled)
+                }
+            }
+        };
+        let written = write(&mut describe);
+        match failure {
+            Some(error) => Err(error),
+            None => Ok((written?, fit)),
+        }
+    }
 }
 
 /// Compares every voxel and id of a `.pumice` file with a label volume.
@@ -131,25 +174,6 @@ pub fn verify_file(pumice: &Path, input: &Path, reading: &OpenOptions, job: &Job
     let volume = CompressedVolume::open(pumice, job)?;
     let mut source = pumice_formats::open(input, reading)?;
     Ok(pumice_core::verify(&volume, source.as_mut(), job)?)
-}
-
-/// Writes the labels of a `.pumice` file in the format that the extension of `out` names.
-///
-/// # Errors
-/// When the file is damaged, the extension names no known format, or the output cannot be written.
-pub fn decompress_file(pumice: &Path, out: &Path, job: &Job) -> Result<()> {
-    let outputs = Outputs::default();
-    outputs.declare(out)?;
-    outputs.check_input(pumice)?;
-    let volume = CompressedVolume::open(pumice, job)?;
-    let info = volume.info().clone();
-    job.begin(info.voxels());
-    pumice_formats::write::write_volume(out, &info, &mut |origin, dims| {
-        job.check()?;
-        job.advance(dims.iter().map(|&d| u64::from(d)).product());
-        volume.decode_ids(origin, dims)
-    })?;
-    Ok(())
 }
 
 /// Largest table of types that is read: 10⁷ labels with names of some 90 bytes.

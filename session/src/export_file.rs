@@ -12,6 +12,7 @@ use serde::Serialize;
 
 use crate::error::{Result, SessionError};
 use crate::measure::{Stopwatch, peak_rss_bytes};
+use crate::open::Residence;
 use crate::render_file::RenderOverrides;
 use crate::render_file::open_scene::{OpenedScene, is_scene_file, open_scene};
 
@@ -87,7 +88,7 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
     }
     let overrides = RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() };
     let OpenedScene { scene, volumes, meshes } =
-        open_scene(&request.input, &overrides, &request.reading, job)?;
+        open_scene(&request.input, &overrides, &request.reading, Residence::Mapped, job)?;
     // The camera and the light of a volume's own picture are nobody's work.
     let surroundings = is_scene_file(&request.input);
     let left_out = if surroundings { left_out_of(&scene, format, &request.forms) } else { Vec::new() };

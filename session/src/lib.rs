@@ -6,6 +6,7 @@ pub mod backend;
 pub mod compare_files;
 pub mod compress_file;
 pub mod cycles;
+pub mod decompress_file;
 mod denoise;
 pub mod error;
 pub mod export_file;
@@ -18,25 +19,27 @@ pub mod live;
 pub mod measure;
 pub mod npy;
 pub mod open;
+pub mod part_files;
 pub mod persistent_renderer;
 pub mod pick_pixels;
 pub mod plot;
 pub mod progressive;
 pub mod reading;
 pub mod render_file;
+pub mod resumable;
 pub mod savings;
 pub mod script;
 pub mod selection;
 pub mod shipped_volume;
+pub mod source_fingerprint;
 pub mod threads;
 pub mod values;
 pub mod verify_render;
 
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
-pub use compress_file::{
-    CompressOutcome, CompressRequest, compress_file, decompress_file, read_types, verify_file,
-};
+pub use compress_file::{CompressOutcome, CompressRequest, compress_file, read_types, verify_file};
+pub use decompress_file::{StoreName, WriteAs, decompress_file, write_labels_of};
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info, shown_info};
@@ -49,11 +52,13 @@ pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
 pub use open::{
     Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume, with_built_in,
 };
+pub use part_files::{MergeRequest, PartOutcome, PartRequest, compress_part_file, merge_files};
 pub use persistent_renderer::{PersistentRenderer, Watching};
 pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};
-pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
+pub use pumice_core::{ChunkGrid, ChunkSet, CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
+pub use pumice_formats::write_store::{OmeVersion, PrecomputedEncoding};
 pub use pumice_formats::{
     ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings,
 };
@@ -62,9 +67,10 @@ pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
 pub use render_file::{
-    PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, TurntablePicture,
-    render_file, render_turntable,
+    PageFigures, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject,
+    TurntablePicture, render_file, render_turntable,
 };
+pub use resumable::{KeptParts, compress_resumable, parts_folder};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
 pub use threads::with_threads;

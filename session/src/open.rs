@@ -5,7 +5,9 @@ use std::io::Read;
 use std::path::Path;
 use std::sync::Arc;
 
-use pumice_core::{BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData, open_input};
+use pumice_core::{
+    BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData, Residency, open_input,
+};
 use pumice_formats::OpenOptions;
 use pumice_scene::{Instance, Reading, Scene, Show};
 
@@ -56,13 +58,33 @@ pub(crate) fn is_compressed(path: &Path, reading: &OpenOptions) -> Result<bool> 
 }
 
 /// Where the data of a `.pumice` file is while it is in use.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[derive(Clone, Debug)]
 pub enum Residence {
     /// In the memory of this process: the file may change afterwards.
     Copied,
     /// In the mapped file, as far as it is stored there as it is in memory ([`CompressedVolume::open_mapped`]): only for a process that
     /// has nothing to lose when another program truncates the file, which ends the process.
     Mapped,
+    /// On disk, in pages that are loaded when rays meet them ([`CompressedVolume::open_paged`]); the file may change afterwards.
+    Paged {
+        /// The memory that the pages of all volumes share.
+        memory: Arc<Residency>,
+        /// Voxels along the side of a page.
+        page_voxels: u32,
+    },
+}
+
+/// Voxels along the side of a page: [the measured choice](../../docs/rendering-large-volumes.md#the-size-of-a-page).
+const PAGE_VOXELS: u32 = 64;
+
+impl Residence {
+    /// Mapped, or where memory is limited on disk.
+    pub fn within(limit_bytes: Option<u64>) -> Self {
+        match limit_bytes {
+            None => Self::Mapped,
+            Some(limit) => Self::Paged { memory: Arc::new(Residency::new(limit)), page_voxels: PAGE_VOXELS },
+        }
+    }
 }
 
 /// Opens a volume for rendering.
@@ -79,7 +101,16 @@ pub fn open_volume(
         return Ok(Arc::new(match residence {
             Residence::Copied => CompressedVolume::open(path, job)?,
             Residence::Mapped => CompressedVolume::open_mapped(path, job)?,
+            Residence::Paged { memory, page_voxels } => {
+                CompressedVolume::open_paged(path, page_voxels, &std::env::temp_dir(), &memory, job)?
+            }
         }));
+    }
+    if let Residence::Paged { .. } = residence {
+        return Err(SessionError::Caller(format!(
+            "memory limit: {} is not a .pumice file, and only those are drawn from disk: compress it first",
+            path.display()
+        )));
     }
     let mut source = pumice_formats::open(path, reading)?;
     Ok(Arc::new(compress_source(source.as_mut(), &CompressOptions::default(), job)?))
@@ -111,7 +142,7 @@ pub fn open_shown(
                     None => scene.instances.iter().filter(alike).map(|i| &i.style.show).collect(),
                 };
                 let options = options_for(&instance.reading, reading);
-                let volume = open_chosen(path, &shows, &options, residence, job)?;
+                let volume = open_chosen(path, &shows, &options, residence.clone(), job)?;
                 of_file.push((&instance.reading, Arc::clone(&volume)));
                 volume
             }
@@ -133,7 +164,9 @@ pub fn open_chosen(
     residence: Residence,
     job: &Job,
 ) -> Result<Arc<CompressedVolume>> {
-    if !is_compressed(path, reading)? || shows.contains(&&Show::All) {
+    // (Pages are made of the labels that are drawn, whatever is read.)
+    let paged = matches!(residence, Residence::Paged { .. });
+    if paged || !is_compressed(path, reading)? || shows.contains(&&Show::All) {
         return open_volume(path, reading, residence, job);
     }
     let choose = |labels: &LabelTable| {

@@ -19,10 +19,8 @@ pub fn options_for(instance: &Reading, caller: &OpenOptions) -> OpenOptions {
         array: caller.array.clone().or_else(|| instance.array.clone()),
         spacing: caller.spacing.or(instance.spacing),
         raw: caller.raw.clone().or_else(|| instance.raw.as_ref().map(layout_of)),
-        axes: caller.axes.or(instance.axes.map(|axes| match axes {
-            AxisOrder::Xyz => ArrayAxes::Xyz,
-            AxisOrder::Zyx => ArrayAxes::Zyx,
-        })),
+        // Both have the same names.
+        axes: caller.axes.or(instance.axes.and_then(|axes| ArrayAxes::of_name(axes.name()))),
         scale: caller.scale.or(instance.scale.map(|level| match level {
             LevelOfFile::Number(number) => Scale::Level(number),
             LevelOfFile::Size(lengths) => Scale::Size(lengths),
@@ -76,10 +74,7 @@ pub fn recorded(options: &OpenOptions) -> Reading {
         time: *time,
         channel: *channel,
         array: array.clone(),
-        axes: axes.map(|axes| match axes {
-            ArrayAxes::Xyz => AxisOrder::Xyz,
-            ArrayAxes::Zyx => AxisOrder::Zyx,
-        }),
+        axes: axes.and_then(|axes| AxisOrder::ALL.into_iter().find(|order| order.name() == axes.name())),
         spacing: *spacing,
         raw: raw.as_ref().map(|raw| {
             let &RawLayout { dims, label_type, big_endian, offset } = raw;
@@ -110,6 +105,11 @@ pub fn record(scene: &mut Scene, caller: &OpenOptions) {
 
 #[cfg(test)]
 mod tests {
+    #[test]
+    fn orders_of_axes_have_the_same_names_in_scenes_and_readers() {
+        use super::{ArrayAxes, AxisOrder};
+        assert_eq!(ArrayAxes::ALL.map(ArrayAxes::name), AxisOrder::ALL.map(AxisOrder::name));
+    }
     use super::*;
 
     fn all() -> OpenOptions {

@@ -32,7 +32,7 @@ use pumice_transport::LoadedScene;
 use refusals::check_options;
 
 use crate::annotations::lay_out;
-use crate::backend::make_renderer;
+use crate::backend::{backend_for, make_renderer};
 use crate::error::{Result, SessionError};
 use crate::measure::Stopwatch;
 use crate::progressive::{CurvePoint, Stop};
@@ -43,7 +43,7 @@ pub use picture_format::PictureFormat;
 pub use provenance::hash_text;
 pub(crate) use provenance::sky_hash_text;
 pub use pumice_picture::PicturePaths;
-pub use render_scene::{RenderFigures, Rendered, render_scene};
+pub use render_scene::{PageFigures, RenderFigures, Rendered, render_scene};
 pub(crate) use render_scene::{bytes_of_film, check_memory, report, sampled};
 pub use request::{RenderOverrides, RenderRequest, Subject};
 pub use turntable::{TurntablePicture, render_turntable};
@@ -91,6 +91,7 @@ impl Ready {
             scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
         }
         let scene = LoadedScene::new(scene, volumes, meshes)?;
+        let backend = backend_for(&scene, &backend)?.to_owned();
         Ok(Self { format, passes, scene, stop, backend, annotations, denoise, opening_seconds })
     }
 }

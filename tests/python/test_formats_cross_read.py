@@ -10,6 +10,7 @@ import nrrd
 import numpy as np
 import pytest
 import tifffile
+import zarr
 
 from format_dump import affine, build, pattern
 
@@ -390,3 +391,45 @@ def test_comparison_notices_one_changed_voxel(formats, tmp_path):
     bytes_[-1] ^= 1
     (tmp_path / "a.nrrd").write_bytes(bytes_)
     assert not np.array_equal(formats.read(tmp_path / "a.nrrd", tmp_path)[1], labels)
+
+
+def test_tiff_pages_are_what_the_caller_says(formats, tmp_path):
+    """tifffile writes a series of stacks; `--axes` names its axes anew. Pages are t = 3 times z = 4, with the time step slowest."""
+    pages = (np.arange(3 * 4 * 5 * 6) % 251).astype("u2").reshape(3, 4, 5, 6)
+    path = tmp_path / "a.tif"
+    tifffile.imwrite(path, pages, imagej=True, metadata={"axes": "TZYX"})
+    by_time = lambda planes: planes.transpose(2, 1, 0).astype("u8")  # noqa: E731
+    for axes, option, expected in [
+        ("tzyx", ["--time", "2"], pages[2]),
+        ("ztyx", ["--time", "1"], pages[:, 1]),
+        ("czyx", ["--channel", "2"], pages[2]),
+        ("zcyx", ["--channel", "3"], pages[:, 3]),
+        ("zyx", [], pages.reshape(12, 5, 6)),
+        ("tyx", ["--time", "7"], pages.reshape(12, 5, 6)[7:8]),
+    ]:
+        assert np.array_equal(formats.read(path, tmp_path, "--axes", axes, *option)[1], by_time(expected)), axes
+    assert np.array_equal(formats.read(path, tmp_path, "--time", "1")[1], by_time(pages[1]))
+    assert "names 3 axes of pages, and the file has 3 × 4 pages" in formats.refuse(path, "--axes", "tczyx")
+    assert "expected an order such as zyx" in formats.refuse(path, "--axes", "xyz")
+    assert "--time-step 0 cannot be chosen" in formats.refuse(path, "--axes", "zyx", "--time", "0")
+    # Slices that were saved as time steps, in OME's description; and pages of which nothing is said.
+    tifffile.imwrite(tmp_path / "t.ome.tif", pages.reshape(12, 5, 6), metadata={"axes": "TYX"})
+    tifffile.imwrite(tmp_path / "p.tif", pages.reshape(12, 5, 6), photometric="minisblack", metadata=None)
+    assert "--axes zyx" in formats.refuse(tmp_path / "t.ome.tif")
+    for name in ("t.ome.tif", "p.tif"):
+        header, ours = formats.read(tmp_path / name, tmp_path, "--axes", "zyx")
+        assert np.array_equal(ours, by_time(pages.reshape(12, 5, 6))) and not any("slices along z" in line for line in header["warnings"])
+        assert np.array_equal(formats.read(tmp_path / name, tmp_path, "--axes", "tyx", "--time", "11")[1], by_time(pages[2, 3:4]))
+        assert "names 2 axes of pages, and the file has 12 pages" in formats.refuse(tmp_path / name, "--axes", "tzyx")
+
+
+def test_arrays_of_four_axes_take_an_order(formats, tmp_path):
+    labels = (np.arange(3 * 4 * 5 * 6) % 251).astype("u2").reshape(3, 4, 5, 6)
+    zarr.create_array(tmp_path / "a.zarr", data=labels)
+    assert "--axes tzyx" in formats.refuse(tmp_path / "a.zarr")
+    ours = formats.read(tmp_path / "a.zarr", tmp_path, "--axes", "tzyx", "--time", "2")[1]
+    assert np.array_equal(ours, labels[2].transpose(2, 1, 0))
+    ours = formats.read(tmp_path / "a.zarr", tmp_path, "--axes", "zcyx", "--channel", "1")[1]
+    assert np.array_equal(ours, labels[:, 1].transpose(2, 1, 0))
+    assert "time" in formats.refuse(tmp_path / "a.zarr", "--axes", "tzyx")
+    assert "expected xyz or zyx" in formats.refuse(tmp_path / "a.zarr", "--axes", "tczyx")

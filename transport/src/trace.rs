@@ -133,6 +133,16 @@ pub trait Tracer: Sync {
         false
     }
 
+    /// Why the geometry could not be read, in one line: surfaces may have been missed since. `None` of geometry in memory.
+    fn failure(&self) -> Option<String> {
+        None
+    }
+
+    /// Samples of a pixel that one pass over the picture should add at least: more where geometry is read again in each pass.
+    fn least_samples_a_pass(&self) -> u32 {
+        1
+    }
+
     /// The shading normal on the side of `normal`, which is the hit's own normal or its opposite.
     #[inline]
     fn shading_normal(&self, hit: &Hit, point: DVec3, normal: DVec3) -> Option<DVec3> {
@@ -179,5 +189,13 @@ impl<T: Tracer + Send + ?Sized> Tracer for std::sync::Arc<T> {
 
     fn is_smooth(&self) -> bool {
         (**self).is_smooth()
+    }
+
+    fn failure(&self) -> Option<String> {
+        (**self).failure()
+    }
+
+    fn least_samples_a_pass(&self) -> u32 {
+        (**self).least_samples_a_pass()
     }
 }

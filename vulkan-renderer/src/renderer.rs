@@ -161,6 +161,10 @@ impl Renderer for VulkanRenderer {
     }
 
     fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
+        if scene.volumes().iter().any(|volume| volume.pages().is_some()) {
+            let what = "memory limit: a graphics processor needs whole volumes in memory";
+            return Err(RenderError::Scene(what.into()));
+        }
         loop {
             let (machine, former, counters) = (&mut self.machine, &mut self.shown, &mut self.counters);
             match Shown::new(machine, former, scene, self.read_image, counters) {

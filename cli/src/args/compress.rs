@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use pumice_session::ChunkSet;
 use pumice_session::values::bytes;
 
 use super::Reading;
@@ -21,9 +22,25 @@ pub(crate) struct Compress {
     pub(crate) out: PathBuf,
     /// How much time to spend on a smaller file
     ///
-    /// `fast` stores the compressed form as it is in memory, `default` costs little time, `small` takes about twice as long.
-    #[arg(long, value_enum, default_value_t = CompressionLevel::Default)]
-    pub(crate) level: CompressionLevel,
+    /// `fast` stores the compressed form as it is in memory, `default` costs little time, `small` takes about twice as long. Without the option
+    /// it is `default`.
+    #[arg(long, value_enum)]
+    pub(crate) level: Option<CompressionLevel>,
+    /// Compress only these chunks of 1024³ voxels, such as 0,4-7, into a part that `pumice merge` joins with the others
+    ///
+    /// Chunks are numbered from 0 in Morton order of the volume's grid of chunks. Only what is needed of the input is read. Level, types and
+    /// table are given to `pumice merge`.
+    #[arg(long, value_name = "CHUNKS", conflicts_with_all = ["level", "types", "table", "resume", "restart"])]
+    pub(crate) chunks: Option<ChunkSet>,
+    /// Keep finished chunks in the folder OUT.pumice.parts until all are done, and go on with those that are there
+    ///
+    /// After an interrupt the same command goes on and gives the same file; the folder is removed at the end. Of voxels that are not
+    /// compressed, whole layers of chunks are kept. A compressed stream can only be read from its beginning and is refused.
+    #[arg(long)]
+    pub(crate) resume: bool,
+    /// Remove what an interrupted compression left in OUT.pumice.parts, then begin anew as with --resume
+    #[arg(long, conflicts_with = "resume")]
+    pub(crate) restart: bool,
     /// Write a report in JSON to this file (- for standard output)
     #[arg(long, value_name = "REPORT")]
     pub(crate) json: Option<PathBuf>,

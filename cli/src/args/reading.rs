@@ -4,9 +4,9 @@ use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
 use pumice_session::values::label_type;
-use pumice_session::{Roi, Scale};
+use pumice_session::{ArrayAxes, Roi, Scale};
 
-use super::values::{dims, spacing};
+use super::values::{by_name, dims, spacing};
 
 /// How to read a label volume where the file alone does not decide it
 #[derive(Debug, Default, Args)]
@@ -26,12 +26,13 @@ pub(crate) struct Reading {
     /// Voxel size x,y,z in the file's unit, in place of the size that the file states
     #[arg(long, value_name = "X,Y,Z", value_parser = spacing)]
     pub(crate) spacing: Option<[f64; 3]>,
-    /// Axes of an .npy or .npz array, in the order of its indices
+    /// Axes of an array in the order of its indices, or what the pages of a TIFF file are: xyz, zyx, tzyx, zcyx, …
     ///
     /// NumPy arrays do not say which axis is which. nibabel and pynrrd use `xyz`, which is the default with a warning; tifffile,
-    /// scikit-image and napari use `zyx`. The wrong order mirrors the volume. Other formats say their order and refuse the option.
-    #[arg(long, value_name = "ORDER", value_enum)]
-    pub(crate) axes: Option<Axes>,
+    /// scikit-image and napari use `zyx`. The wrong order mirrors the volume. For TIFF the letters before `yx` are what the pages are, slowest
+    /// first, in place of what the file says: z, t (time steps) and c (channels). Other formats say their order and refuse the option.
+    #[arg(long, value_name = "ORDER", value_parser = by_name(&ArrayAxes::ALL, ArrayAxes::name))]
+    pub(crate) axes: Option<ArrayAxes>,
     /// Read a file without a header, with these dims, e.g. 512,512,128 (needs --raw-type)
     #[arg(long, value_name = "X,Y,Z", value_parser = dims, requires = "raw_type")]
     pub(crate) raw_dims: Option<[u64; 3]>,
@@ -77,10 +78,4 @@ pub(crate) enum Missing {
     Fill,
     /// The store is refused
     Error,
-}
-
-#[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
-pub(crate) enum Axes {
-    Xyz,
-    Zyx,
 }

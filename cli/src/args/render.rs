@@ -3,7 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use pumice_session::values::size;
+use pumice_session::values::{bytes, size};
 
 use super::Reading;
 use super::annotations::AnnotationArgs;
@@ -107,6 +107,13 @@ pub(crate) struct Render {
     /// Number of threads; default: all cores. The picture does not depend on it
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
     pub(crate) threads: Option<u16>,
+    /// Draw from disk, with at most this much of the volumes in memory: in bytes or with K, M, G, KiB, MiB, GiB (powers of 1024)
+    ///
+    /// The picture is the same, bit by bit. The boxes of a .pumice file go to a temporary file in the folder of TMPDIR, and pages of it are
+    /// loaded when rays meet them. The limit holds while rays are traced, for volumes and what is built for them; opening holds a chunk of
+    /// 1024³ voxels at a time. On the processor alone; docs/rendering-large-volumes.md
+    #[arg(long, value_name = "BYTES", value_parser = bytes, conflicts_with = "explain")]
+    pub(crate) memory_limit: Option<u64>,
     /// Write a report in JSON to this file (- for standard output)
     #[arg(long, value_name = "REPORT")]
     pub(crate) json: Option<PathBuf>,

@@ -48,6 +48,19 @@ pub(super) fn table_format(text: &str) -> Result<LabelTableFormat, String> {
     })
 }
 
+/// A parser of one of these values, by its name.
+pub(super) fn by_name<T: Copy + Send + Sync + 'static>(
+    all: &'static [T],
+    name: fn(T) -> &'static str,
+) -> impl Fn(&str) -> Result<T, String> + Clone + Send + Sync + 'static {
+    move |text| {
+        all.iter().copied().find(|&value| name(value) == text).ok_or_else(|| {
+            let names: Vec<&str> = all.iter().map(|&value| name(value)).collect();
+            format!("expected one of {}", names.join(" "))
+        })
+    }
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;

@@ -1,8 +1,12 @@
 //! `pumice compress`
 
+use std::path::Path;
 use std::sync::Arc;
 
-use pumice_session::{CompressRequest, Job, compress_file, peak_rss_bytes};
+use pumice_session::{
+    CompressOutcome, CompressRequest, Job, KeptParts, PartOutcome, PartRequest, compress_file,
+    compress_part_file, compress_resumable, peak_rss_bytes,
+};
 use serde::Serialize;
 
 use super::open_options;
@@ -14,40 +18,89 @@ use crate::progress::Bar;
 
 /// The report that `--json` writes.
 #[derive(Serialize)]
-struct Report {
+struct Report<T> {
     #[serde(flatten)]
-    outcome: pumice_session::CompressOutcome,
+    outcome: T,
     peak_rss_bytes: Option<u64>,
+}
+
+/// The level that a flag names.
+pub(crate) fn level_of(level: CompressionLevel) -> pumice_session::CompressionLevel {
+    match level {
+        CompressionLevel::Fast => pumice_session::CompressionLevel::Fast,
+        CompressionLevel::Default => pumice_session::CompressionLevel::Default,
+        CompressionLevel::Small => pumice_session::CompressionLevel::Small,
+    }
 }
 
 pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     let reading = open_options(&args.reading);
     declare_report(&reading.outputs, args.json.as_deref())?;
+    let threads = args.threads.map(usize::from);
     let bar = Bar::follow("compressing", job);
-    let outcome = compress_file(
-        &CompressRequest {
-            input: args.input.clone(),
-            output: args.out.clone(),
-            reading,
-            level: match args.level {
-                CompressionLevel::Fast => pumice_session::CompressionLevel::Fast,
-                CompressionLevel::Default => pumice_session::CompressionLevel::Default,
-                CompressionLevel::Small => pumice_session::CompressionLevel::Small,
+    if let Some(chunks) = &args.chunks {
+        let outcome = compress_part_file(
+            &PartRequest {
+                input: args.input.clone(),
+                output: args.out.clone(),
+                chunks: chunks.clone(),
+                reading,
+                threads,
+                memory_limit_bytes: args.memory_limit,
             },
-            threads: args.threads.map(usize::from),
-            memory_limit_bytes: args.memory_limit,
-            types: args.types.clone(),
-            table: args.table.clone(),
-        },
-        job,
-    )?;
+            job,
+        )?;
+        drop(bar);
+        return report_part(&args.out, args.json.as_deref(), outcome);
+    }
+    let request = CompressRequest {
+        input: args.input.clone(),
+        output: args.out.clone(),
+        reading,
+        level: level_of(args.level.unwrap_or(CompressionLevel::Default)),
+        threads,
+        memory_limit_bytes: args.memory_limit,
+        types: args.types.clone(),
+        table: args.table.clone(),
+    };
+    let outcome = match (args.resume, args.restart) {
+        (true, _) => compress_resumable(&request, KeptParts::GoOn, job)?,
+        (_, true) => compress_resumable(&request, KeptParts::Remove, job)?,
+        _ => compress_file(&request, job)?,
+    };
     drop(bar);
+    report(&args.out, args.json.as_deref(), outcome)
+}
+
+/// Says what a part holds.
+fn report_part(out: &Path, json: Option<&Path>, outcome: PartOutcome) -> Result<Answer, Failure> {
+    if json != Some(Path::new("-")) {
+        say(format_args!(
+            "{}: chunks {} of {}, {} labels, {} boxes, {:.1} MB, {:.1} s ({:.1} CPU s)",
+            out.display(),
+            outcome.chunks,
+            outcome.of,
+            outcome.labels,
+            outcome.boxes,
+            outcome.bytes_disk as f64 / 1e6,
+            outcome.seconds,
+            outcome.cpu_seconds,
+        ))?;
+    }
+    if let Some(to) = json {
+        write_report(to, &Report { outcome, peak_rss_bytes: peak_rss_bytes() })?;
+    }
+    Ok(Answer::Yes)
+}
+
+/// Says what a volume's file holds.
+pub(crate) fn report(out: &Path, json: Option<&Path>, outcome: CompressOutcome) -> Result<Answer, Failure> {
     let percent = |bytes: u64| 100.0 * bytes as f64 / outcome.bytes_raw.max(1) as f64;
     // With `--json -` a program reads standard output as JSON, so nothing else is printed there.
-    if args.json.as_deref() != Some(std::path::Path::new("-")) {
+    if json != Some(Path::new("-")) {
         say(format_args!(
             "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of 4 bytes a voxel), {:.1} MB in memory without the hierarchy for rays ({:.2} %), {:.1} s ({:.1} CPU s)",
-            args.out.display(),
+            out.display(),
             outcome.labels,
             outcome.boxes,
             outcome.bytes_disk as f64 / 1e6,
@@ -65,7 +118,7 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
             fit.notes.iter().try_for_each(|note| say(format_args!("note: {note}")))?;
         }
     }
-    if let Some(to) = &args.json {
+    if let Some(to) = json {
         write_report(to, &Report { outcome, peak_rss_bytes: peak_rss_bytes() })?;
     }
     Ok(Answer::Yes)

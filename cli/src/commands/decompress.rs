@@ -6,11 +6,15 @@ use pumice_session::{Job, decompress_file};
 
 use crate::Answer;
 use crate::args::Decompress;
-use crate::failure::Failure;
+use crate::failure::{Failure, say};
 use crate::progress::Bar;
 
 pub(crate) fn run(args: &Decompress, job: &Arc<Job>) -> Result<Answer, Failure> {
-    let _bar = Bar::follow("writing", job);
-    decompress_file(&args.file, &args.out, job)?;
+    let bar = Bar::follow("writing", job);
+    let notes = decompress_file(&args.file, &args.out, &args.how(), job)?;
+    drop(bar);
+    for note in notes {
+        say(format_args!("note: {note}"))?;
+    }
     Ok(Answer::Yes)
 }

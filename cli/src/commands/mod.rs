@@ -9,6 +9,7 @@ pub(crate) mod devices;
 pub(crate) mod export;
 pub(crate) mod info;
 mod label_list;
+pub(crate) mod merge;
 pub(crate) mod pick;
 pub(crate) mod render;
 pub(crate) mod table;
@@ -16,9 +17,9 @@ pub(crate) mod verify;
 pub(crate) mod verify_render;
 
 use pumice_core::Outputs;
-use pumice_session::{ArrayAxes, MissingChunks, OpenOptions, RawLayout, Recorded, Warnings};
+use pumice_session::{MissingChunks, OpenOptions, RawLayout, Recorded, Warnings};
 
-use crate::args::{Axes, Missing, Reading};
+use crate::args::{Missing, Reading};
 use crate::failure::warn_at_work;
 
 /// Converts the flags on reading to the options that the readers of `pumice-formats` take. What a reader finds odd, or assumes, is printed to
@@ -30,10 +31,7 @@ fn open_options(reading: &Reading) -> OpenOptions {
         channel: reading.channel,
         array: reading.array.clone(),
         spacing: reading.spacing,
-        axes: reading.axes.map(|axes| match axes {
-            Axes::Xyz => ArrayAxes::Xyz,
-            Axes::Zyx => ArrayAxes::Zyx,
-        }),
+        axes: reading.axes,
         raw: match (reading.raw_dims, reading.raw_type) {
             (Some(dims), Some(label_type)) => Some(RawLayout {
                 dims,

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_session::{
-    CurvePoint, Job, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop, Subject,
-    TurntablePicture, render_file, render_turntable,
+    CurvePoint, Job, PageFigures, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop,
+    Subject, TurntablePicture, render_file, render_turntable,
 };
 
 use super::open_options;
@@ -70,6 +70,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         sources: args.source.clone(),
         paths: if args.no_paths { PicturePaths::None } else { PicturePaths::Relative },
         threads: args.threads.map(usize::from),
+        memory_limit_bytes: args.memory_limit,
         save_scene: args.save_scene.clone(),
         explain: args.explain,
     };
@@ -91,6 +92,9 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
         let figures = &rendered.figures;
         say(format_args!("{}: {}, by {}", args.out.display(), summary(figures), figures.backend))?;
+        if let Some(pages) = &figures.pages {
+            say(in_memory(pages))?;
+        }
     }
     if args.explain {
         let measured = rendered.figures.savings.iter().flat_map(Savings::lines);
@@ -102,6 +106,14 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         write_report(to, &rendered.figures)?;
     }
     Ok(Answer::Yes)
+}
+
+/// One line with what was in memory of volumes that were drawn from disk.
+fn in_memory(figures: &PageFigures) -> String {
+    let PageFigures { most_bytes, bytes_of_all, pages, loads, .. } = figures;
+    format!(
+        "{most_bytes} of {bytes_of_all} bytes of the volumes were in memory at once; {loads} loads of {pages} pages"
+    )
 }
 
 /// Renders the pictures of a turntable.

@@ -52,10 +52,28 @@ pub(super) fn check(v: &CompressedVolume) -> Finding {
     let mut nodes = Nodes::within(v.nodes.len());
     (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
     check_boxes(v, &nodes)?;
-    check_counts(v, &nodes)
+    let mut counts = vec![0; v.labels.ids.len()];
+    count_voxels(v, &nodes, &mut counts)?;
+    check_counts(v, &counts)
 }
 
-fn check_info(info: &VolumeInfo) -> Finding {
+/// Checks the leaves, runs, nodes and boxes of a volume of one chunk, which need not be all of a volume; `visit` gets each label with its
+/// voxels.
+pub(super) fn check_chunk(v: &CompressedVolume, mut visit: impl FnMut(u32, u64)) -> Finding {
+    v.leaves.iter().try_for_each(check_leaves)?;
+    check_chunks(v)?;
+    check_runs(v)?;
+    let mut nodes = Nodes::within(v.nodes.len());
+    (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
+    check_boxes(v, &nodes)?;
+    for_each_run(v, |label, chunk, boxes| {
+        let voxels = |record: &crate::BoxRecord| nodes.voxels_at(chunk.node_base + u64::from(record.node()));
+        visit(label, boxes.iter().map(voxels).sum());
+        Ok(())
+    })
+}
+
+pub(super) fn check_info(info: &VolumeInfo) -> Finding {
     ensure(info.dims.iter().all(|&d| d <= MAX_DIM), b"INFO", || {
         format!("dims: expected at most {MAX_DIM} an axis, got {:?}", info.dims)
     })?;
@@ -263,15 +281,18 @@ fn for_each_run(
     Ok(())
 }
 
-/// Counts each label's voxels and compares the counts with the label table.
-fn check_counts(v: &CompressedVolume, nodes: &Nodes) -> Finding {
-    let mut counts = vec![0u64; v.labels.ids.len()];
+/// Adds the voxels of each label.
+fn count_voxels(v: &CompressedVolume, nodes: &Nodes, counts: &mut [u64]) -> Finding {
     for_each_run(v, |label, chunk, boxes| {
         let voxels = |record: &crate::BoxRecord| nodes.voxels_at(chunk.node_base + u64::from(record.node()));
         counts[label as usize] += boxes.iter().map(voxels).sum::<u64>();
         Ok(())
-    })?;
-    for (i, (&expected, &got)) in v.labels.voxels.iter().zip(&counts).enumerate() {
+    })
+}
+
+/// Compares each label's voxels with the label table.
+pub(super) fn check_counts(v: &CompressedVolume, counts: &[u64]) -> Finding {
+    for (i, (&expected, &got)) in v.labels.voxels.iter().zip(counts).enumerate() {
         let expected = if v.holds(i as u32) { expected } else { 0 };
         ensure(expected == got && (got > 0 || !v.holds(i as u32)), b"LVOX", || {
             format!("label {i}: expected {expected} voxels, got {got}")

@@ -2,15 +2,17 @@
 
 use std::collections::HashMap;
 use std::io::Cursor;
+use std::sync::Arc;
 
 use super::format_error::Stop;
 use super::label_subset::read_subset;
 use super::layout::{ENTRY_BYTES, HEADER_BYTES, Layout, section_checksum};
+use super::paged::read_pages;
 use super::read::read;
 use super::{CompressionLevel, codec, layout};
 use crate::{
     BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelTable, LabelType, NumericColumn,
-    VolumeInfo, compress_labels,
+    Residency, VolumeInfo, compress_labels,
 };
 
 /// Pseudorandom numbers that are the same on every machine (SplitMix64).
@@ -81,6 +83,13 @@ fn open_subset(bytes: &[u8]) -> Result<CompressedVolume, String> {
     read_subset(&mut Cursor::new(bytes), bytes.len() as u64, second, &Job::new()).map_err(in_words)
 }
 
+/// Divides a file into pages.
+fn open_in_pages(bytes: &[u8], page_voxels: u32) -> Result<CompressedVolume, String> {
+    let (folder, memory) = (std::env::temp_dir(), Arc::new(Residency::new(u64::MAX)));
+    let mut file = Cursor::new(bytes);
+    read_pages(&mut file, bytes.len() as u64, page_voxels, &folder, &memory, &Job::new()).map_err(in_words)
+}
+
 /// Recomputes all checksums, so that damage reaches the code behind them.
 fn fix_checksums(bytes: &mut [u8]) {
     let u64_at = |b: &[u8], at: usize| u64::from_le_bytes(b[at..at + 8].try_into().unwrap()) as usize;
@@ -128,6 +137,32 @@ fn files_of_all_levels_round_trip() {
     }
 }
 
+/// The pages of a file have its boxes, each once among the pages' own, with the same voxels; and its label table and hash.
+#[test]
+fn pages_have_the_boxes_of_the_file() {
+    let volume = sample();
+    let boxes = |volume: &CompressedVolume| {
+        let mut boxes = Vec::new();
+        volume.for_each_box(|label, b| {
+            boxes.push((label, b.origin, b.extent, b.node.fields().collect::<Vec<_>>()));
+        });
+        boxes.sort();
+        boxes
+    };
+    for level in [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small] {
+        for page_voxels in [64, 256, 1024] {
+            let paged = open_in_pages(&file_bytes(&volume, level), page_voxels).unwrap();
+            assert_eq!(boxes(&paged), boxes(&volume));
+            let pages = paged.pages().unwrap();
+            let held: usize = (0..pages.len()).map(|i| pages.read(i).unwrap().boxes().len()).sum();
+            assert!(pages.failure().is_none() && held >= volume.boxes.len() && pages.len() > 1);
+            assert_eq!((pages.boxes(), paged.boxes.len()), (volume.boxes.len() as u64, 0));
+            assert!(paged.labels == volume.labels && paged.info == volume.info && paged.is_whole());
+            assert_eq!(paged.content_hash(), volume.content_hash());
+        }
+    }
+}
+
 #[test]
 fn truncated_files_are_refused() {
     for level in [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small] {
@@ -138,6 +173,7 @@ fn truncated_files_are_refused() {
         {
             assert!(open(&bytes[..length], true).is_err(), "{length} of {}", bytes.len());
             assert!(open_subset(&bytes[..length]).is_err(), "{length} of {}, chosen", bytes.len());
+            assert!(open_in_pages(&bytes[..length], 64).is_err(), "{length} of {}, in pages", bytes.len());
         }
         let mut longer = bytes;
         longer.extend([0; 8]);
@@ -151,7 +187,7 @@ fn damage_is_found_by_the_checksums() {
     for level in [CompressionLevel::Fast, CompressionLevel::Default] {
         let bytes = file_bytes(&volume, level);
         let mut random = Random(1);
-        let mut refused = 0;
+        let (mut refused, mut in_pages_refused) = (0, 0);
         for i in 0..600 {
             let mut damaged = bytes.clone();
             let at = if i < 200 { i % damaged.len() } else { random.below(damaged.len()) };
@@ -160,9 +196,12 @@ fn damage_is_found_by_the_checksums() {
                 Err(_) => refused += 1,
                 Ok(back) => assert_eq!(back.content_hash(), volume.content_hash(), "byte {at}"),
             }
+            in_pages_refused += u32::from(open_in_pages(&damaged, 1024).is_err());
         }
         // Checksums cover everything but the padding between sections.
         assert!(refused > 590, "only {refused} of 600 refused");
+        // (The content hash, which pages take over, is in the header, which has a checksum.)
+        assert!(in_pages_refused >= refused, "only {in_pages_refused} of {refused} refused in pages");
     }
 }
 
@@ -174,7 +213,7 @@ fn damage_behind_right_checksums_never_panics() {
     {
         let bytes = file_bytes(&volume, level);
         let mut random = Random(2);
-        let (mut passed, mut chosen_passed) = (0, 0);
+        let (mut passed, mut chosen_passed, mut pages_passed) = (0, 0, 0);
         for round in 0..rounds {
             let mut damaged = bytes.clone();
             for _ in 0..1 + random.below(3) {
@@ -199,6 +238,10 @@ fn damage_behind_right_checksums_never_panics() {
             if let Ok(back) = open(&damaged, true) {
                 assert_eq!(back.content_hash(), volume.content_hash(), "round {round}");
             }
+            if let Ok(back) = open_in_pages(&damaged, 256) {
+                pages_passed += 1;
+                let _ = back.label_bounds();
+            }
             if let Ok(back) = open_subset(&damaged) {
                 chosen_passed += 1;
                 use_all(&back);
@@ -206,6 +249,7 @@ fn damage_behind_right_checksums_never_panics() {
         }
         // A control on the test itself: some damage must get past every check but those of structure. A subset of labels is not compared
         // with the content hash; files of the level `small` are always read whole.
+        assert!(pages_passed > 0, "{level:?}");
         assert!(passed > 0 && (level == CompressionLevel::Small || chosen_passed > passed));
     }
 }

@@ -15,6 +15,7 @@ use xxhash_rust::xxh3::Xxh3;
 use super::codec;
 use super::layout::{Contents, ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, align, section_checksum};
 use super::nodes::{REFERENCES, Splitter};
+use super::part::PartHead;
 use super::slices::SLAB;
 use super::voxel_coder::VoxelEncoder;
 use super::voxel_pieces::piece_dims;
@@ -47,8 +48,8 @@ pub struct WrittenVolume {
 const PIECE: usize = codec::PIECE;
 
 /// Takes chunks and encodes their sections.
-struct FileSink<'a> {
-    level: CompressionLevel,
+pub(super) struct FileSink<'a> {
+    pub(super) level: CompressionLevel,
     dims: [u32; 3],
     labels: u32,
     /// Sections of chunks, each at a multiple of 8; the offsets of `entries` count from the first.
@@ -90,13 +91,97 @@ impl Write for ToBody<'_, '_> {
 }
 
 impl<'a> FileSink<'a> {
+    /// No chunks yet, of a volume of `dims` voxels with so many labels.
+    pub(super) fn new(
+        level: CompressionLevel,
+        dims: [u32; 3],
+        labels: u32,
+        scratch: &'a Scratch,
+        budget: &Budget,
+    ) -> Self {
+        let spool = || Spool::new(scratch, budget.share(32));
+        Self {
+            level,
+            dims,
+            labels,
+            body: spool(),
+            entries: Vec::new(),
+            boxes: spool(),
+            nodes: spool(),
+            chunks: Vec::new(),
+            boxes_so_far: 0,
+            runs_so_far: 0,
+            words: 0,
+            leaves_bytes: 0,
+            scratch,
+            stream_bytes: budget.share(64),
+        }
+    }
+
+    /// Begins the chunk at this voxel: the sections that follow are its own.
+    pub(super) fn begin_chunk(&mut self, origin: [u32; 3]) -> Result<()> {
+        make_room(&mut self.chunks, 1, "a list of the chunks")?;
+        self.chunks.push(Chunk {
+            origin,
+            first_box: self.boxes_so_far,
+            first_run: self.runs_so_far,
+            node_base: self.words,
+        });
+        Ok(())
+    }
+
+    /// Ends the last chunk, which has so many runs, and leaves of so many bytes in memory.
+    fn end_chunk(&mut self, boxes: u64, runs: usize, words: u64, leaves_bytes: u64) {
+        self.boxes_so_far += boxes;
+        self.runs_so_far += runs as u64;
+        self.words += words;
+        self.leaves_bytes += leaves_bytes;
+    }
+
+    /// Ends the last chunk, which `volume` holds alone. The level `fast` has its boxes and nodes, as they are, for the volume's sections.
+    pub(super) fn end_whole_chunk(&mut self, volume: &CompressedVolume) -> Result<()> {
+        if self.level == CompressionLevel::Fast {
+            self.boxes.write(bytemuck::cast_slice(&volume.boxes))?;
+            self.nodes.write(bytemuck::cast_slice(&volume.nodes))?;
+        }
+        let leaves = volume.leaves.iter().map(crate::Leaves::bytes).sum();
+        self.end_chunk(volume.boxes.len() as u64, volume.runs.len(), volume.nodes.len() as u64, leaves);
+        Ok(())
+    }
+
+    /// Appends a section of the last chunk that another file has in the same form. `read` fills pieces with its bytes in turn.
+    ///
+    /// # Errors
+    /// Those of `read`; `None` within where the bytes have another checksum than the entry says.
+    pub(super) fn stored_section(
+        &mut self,
+        entry: &Entry,
+        mut read: impl FnMut(&mut [u8]) -> Result<()>,
+    ) -> Result<Option<()>> {
+        let (offset, mut left, mut hash) = (self.body.len(), entry.stored, Xxh3::new());
+        let mut piece = zeroed(left.min(PIECE as u64) as usize, "a section of the file")?;
+        while left > 0 {
+            let piece = &mut piece[..left.min(PIECE as u64) as usize];
+            read(piece)?;
+            hash.update(piece);
+            self.body.write(piece)?;
+            left -= piece.len() as u64;
+        }
+        if hash.digest() != entry.checksum {
+            return Ok(None);
+        }
+        self.entries.push(Entry { chunk: Some(self.chunks.len() as u32 - 1), offset, ..*entry });
+        self.pad()?;
+        Ok(Some(()))
+    }
+
     fn pad(&mut self) -> Result<()> {
         let end = self.body.len();
         self.body.write(&[0; 8][..(align(end) - end) as usize])
     }
 
     /// Encodes a section of the last chunk that is in memory.
-    fn section(&mut self, name: [u8; 4], bytes: &[u8], filters: Filters, job: &Job) -> Result<()> {
+    pub(super) fn section(&mut self, name: [u8; 4], bytes: &[u8], filters: Filters, job: &Job) -> Result<()> {
         let encoding = super::write::encoding_of(name, filters, self.level);
         let stored = codec::encode(bytes, encoding, self.level.zstd(), job)?;
         let (offset, chunk) = (self.body.len(), Some(self.chunks.len() as u32 - 1));
@@ -153,13 +238,7 @@ impl<'a> FileSink<'a> {
 impl ChunkSink for FileSink<'_> {
     fn chunk(&mut self, boxes: &ChunkBoxes<'_>, budget: &Budget, job: &Job) -> Result<()> {
         let origin = boxes.cell.map(|c| 4 * c);
-        make_room(&mut self.chunks, 1, "a list of the chunks")?;
-        self.chunks.push(Chunk {
-            origin,
-            first_box: self.boxes_so_far,
-            first_run: self.runs_so_far,
-            node_base: self.words,
-        });
+        self.begin_chunk(origin)?;
         if self.level == CompressionLevel::Small {
             let voxels = self.voxels(origin, boxes, job)?;
             self.section(*b"VOXL", &voxels, PLAIN, job)?;
@@ -172,9 +251,7 @@ impl ChunkSink for FileSink<'_> {
             self.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
             self.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)?;
         }
-        self.boxes_so_far += u64::from(boxes.count);
-        self.runs_so_far += boxes.runs.len() as u64;
-        self.leaves_bytes += chunk.leaves.bytes();
+        self.end_chunk(u64::from(boxes.count), boxes.runs.len(), 0, chunk.leaves.bytes());
         let Self { boxes: plain_boxes, nodes: plain_nodes, level, .. } = self;
         match level {
             CompressionLevel::Small => self.words += chunk.for_each_batch(job, |_| Ok(()))?,
@@ -219,7 +296,8 @@ impl ChunkSink for FileSink<'_> {
     }
 }
 
-/// Finishes a volume into a file. `describe` may give names, types and numbers to the labels of a volume that has no boxes.
+/// Finishes a volume into a file, or with `part` a part of one. `describe` may give names, types and numbers to the labels of a volume that has
+/// no boxes.
 ///
 /// # Errors
 /// As [`finish`]; those of `describe`; [`Error::Io`] of the file.
@@ -231,44 +309,65 @@ pub(crate) fn finish_into_file(
     parts: StoredParts,
     known: &Known,
     budget: &Budget,
+    part: Option<&PartHead>,
     describe: &mut (dyn FnMut(&mut CompressedVolume) -> Result<()> + Send),
     job: &Job,
 ) -> Result<WrittenVolume> {
-    let io = |source| Error::Io { path: path.to_owned(), source };
-    let mut written_volume = None;
-    // The temporary file comes first, so that a missing folder or permission shows before the work is done.
-    let written = WrittenFile::for_place(path, |file| -> Result<()> {
+    write_file(path, job, |file| {
         let scratch = Scratch::new(&budget.folder);
-        let spool = || Spool::new(&scratch, budget.share(32));
-        let mut sink = FileSink {
-            level,
-            dims: info.dims,
-            labels: parts.ids.len() as u32,
-            body: spool(),
-            entries: Vec::new(),
-            boxes: spool(),
-            nodes: spool(),
-            chunks: Vec::new(),
-            boxes_so_far: 0,
-            runs_so_far: 0,
-            words: 0,
-            leaves_bytes: 0,
-            scratch: &scratch,
-            stream_bytes: budget.share(64),
-        };
+        let mut sink = FileSink::new(level, info.dims, parts.ids.len() as u32, &scratch, budget);
         let mut volume = CompressedVolume::empty(info);
         let Finished { labels, content_hash } =
             finish(volume.info.dims, parts, known, budget, &mut sink, job)?;
         volume.labels = labels;
         describe(&mut volume)?;
-        let FileSink { body, mut entries, boxes, nodes, mut chunks, .. } = sink;
-        let FileSink { boxes_so_far, runs_so_far, words, leaves_bytes, .. } = sink;
+        sink.write((file, path), volume, content_hash, part, job)
+    })
+}
+
+/// Calls `write` with a temporary file, which gets its name once all of it is on disk.
+///
+/// # Errors
+/// Those of `write`; [`Error::Io`] of the file.
+pub(super) fn write_file(
+    path: &Path,
+    job: &Job,
+    write: impl FnOnce(&mut dyn Write) -> Result<WrittenVolume>,
+) -> Result<WrittenVolume> {
+    let mut written_volume = None;
+    // The temporary file comes first, so that a missing folder or permission shows before the work is done.
+    let written = WrittenFile::for_place(path, |file| -> Result<()> {
+        written_volume = Some(write(file)?);
+        Ok(())
+    })?;
+    job.check()?;
+    written.appear(path)?;
+    let missing = || std::io::ErrorKind::UnexpectedEof.into();
+    written_volume.ok_or_else(|| Error::Io { path: path.to_owned(), source: missing() })
+}
+
+impl FileSink<'_> {
+    /// Writes all chunks and what `volume` says of them, which holds no boxes, into `file`; errors name its final path. With `part`, they are
+    /// a part of the volume.
+    pub(super) fn write(
+        self,
+        (file, path): (&mut dyn Write, &Path),
+        mut volume: CompressedVolume,
+        content_hash: u128,
+        part: Option<&PartHead>,
+        job: &Job,
+    ) -> Result<WrittenVolume> {
+        let io = |source| Error::Io { path: path.to_owned(), source };
+        let FileSink { level, body, mut entries, boxes, nodes, mut chunks, .. } = self;
+        let FileSink { boxes_so_far, runs_so_far, words, leaves_bytes, .. } = self;
         chunks.shrink_to_fit();
         volume.chunks = chunks;
 
         // The sections of the volume, then its boxes and nodes in the plain form, then those of the chunks.
         let mut head: Vec<(Entry, Vec<u8>)> = Vec::new();
-        for (name, bytes, filters) in head_sections(&volume, level)? {
+        let of_part =
+            part.map(|part| Ok::<_, Error>((*b"PART", part.to_json()?.into(), PLAIN))).transpose()?;
+        for (name, bytes, filters) in head_sections(&volume, level)?.into_iter().chain(of_part) {
             let encoding = super::write::encoding_of(name, filters, level);
             let stored = codec::encode(&bytes, encoding, level.zstd(), job)?;
             head.push((Entry::of_stored(name, None, encoding, &stored, bytes.len() as u64), stored));
@@ -300,7 +399,11 @@ pub(crate) fn finish_into_file(
             entry.offset += first;
             end = entry.offset + entry.stored;
         }
-        let contents = if level == CompressionLevel::Small { Contents::Voxels } else { Contents::Boxes };
+        let contents = match level {
+            _ if part.is_some() => Contents::Part,
+            CompressionLevel::Small => Contents::Voxels,
+            CompressionLevel::Fast | CompressionLevel::Default => Contents::Boxes,
+        };
         let table: Vec<Entry> =
             head.iter().map(|(e, _)| *e).chain(arrays.iter().map(|(e, _)| *e)).chain(entries).collect();
         let layout = Layout { contents, file_bytes: align(end), content_hash, entries: table };
@@ -330,18 +433,14 @@ pub(crate) fn finish_into_file(
             + 2 * words
             + leaves_bytes;
         let rest: u64 = volume.resident_parts().iter().map(|part| part.1).sum();
-        written_volume = Some(WrittenVolume {
+        Ok(WrittenVolume {
             dims: volume.info.dims,
             labels: volume.labels.len() as u64,
             boxes: boxes_so_far,
             bytes_volume: arrays + rest,
             bytes_disk: layout.file_bytes,
-        });
-        Ok(())
-    })?;
-    job.check()?;
-    written.appear(path)?;
-    written_volume.ok_or_else(|| io(std::io::ErrorKind::UnexpectedEof.into()))
+        })
+    }
 }
 
 /// Calls `visit` with the bytes of a spool, in pieces.

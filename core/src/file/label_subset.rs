@@ -360,7 +360,7 @@ fn used_leaves(leaves: &Leaves, picked: &Picked) -> std::result::Result<(Leaves,
     let (patterns, patterns_places) = keep(&leaves.patterns, &patterns);
     let (rare, rare_places) = keep(&leaves.rare, &rare);
     let places = Places { patterns: patterns_places, rare: rare_places };
-    Ok((Leaves { patterns, slices: leaves.slices.clone(), rare }, places))
+    Ok((Leaves { patterns: patterns.into(), slices: leaves.slices.clone(), rare: rare.into() }, places))
 }
 
 /// Appends a node with its references changed to the new indices.
@@ -381,17 +381,17 @@ fn append(nodes: &mut Vec<u16>, words: &[u16], leaves: &Leaves, places: &Places)
 }
 
 /// Reads ranges of a section: from the file where it is stored as it is, otherwise from the decoded section in memory.
-struct Ranges<'a, F> {
+pub(super) struct Ranges<'a, F> {
     file: &'a mut F,
     entry: Entry,
     /// Size of the decoded section in bytes.
-    bytes: u64,
+    pub(super) bytes: u64,
     /// Bytes of the section and the offset at which they start; the whole section where it had to be decoded.
     window: (u64, Vec<u8>),
 }
 
 impl<'a, F: Read + Seek> Ranges<'a, F> {
-    fn open(
+    pub(super) fn open(
         file: &'a mut F,
         layout: &Layout,
         name: &'static [u8; 4],
@@ -415,7 +415,7 @@ impl<'a, F: Read + Seek> Ranges<'a, F> {
     }
 
     /// Returns the bytes `from..from + length` of the section.
-    fn read(&mut self, from: u64, length: u64) -> std::result::Result<&[u8], Stop> {
+    pub(super) fn read(&mut self, from: u64, length: u64) -> std::result::Result<&[u8], Stop> {
         if from.checked_add(length).is_none_or(|end| end > self.bytes) {
             return Err(self.fault(format!("expected bytes {from} to {from} + {length}, got {}", self.bytes)));
         }

@@ -3,7 +3,7 @@
 //! ```text
 //! header   0  8  magic 89 "PUMICE" 0A            table entry   0  4  name, ASCII
 //!          8  4  version, 6                                    4  1  compression: 0 none, 1 zstd
-//!         12  4  contents: 0 boxes, 1 voxels                   5  1  element width w of the filters, in bytes
+//!         12  4  contents: 0 boxes, 1 voxels, 2 a part         5  1  element width w of the filters, in bytes
 //!         16  8  length of the file                            6  1  filters: bit 0 delta, bit 1 planes
 //!         24  8  offset of the section table, 64               7  1  0
 //!         32  4  number of sections                            8  8  offset in the file, a multiple of 8
@@ -37,12 +37,14 @@ pub(super) enum Contents {
     Boxes = 0,
     /// Arithmetically coded voxels.
     Voxels = 1,
+    /// Boxes and nodes of some chunks of a volume, packed: what `merge_parts` joins.
+    Part = 2,
 }
 
 impl Contents {
     /// The kind that has this number in the header.
     fn of_number(number: u32) -> Option<Self> {
-        [Self::Boxes, Self::Voxels].into_iter().find(|&kind| kind as u32 == number)
+        [Self::Boxes, Self::Voxels, Self::Part].into_iter().find(|&kind| kind as u32 == number)
     }
 }
 
@@ -258,7 +260,10 @@ impl Layout {
 fn contents_of(header: &[u8]) -> Result<Contents, FormatError> {
     let got = u32_at(header, 12);
     Contents::of_number(got).ok_or_else(|| {
-        FormatError::in_header(12, format!("contents: expected 0 (boxes) or 1 (voxels), got {got}"))
+        FormatError::in_header(
+            12,
+            format!("contents: expected 0 (boxes), 1 (voxels) or 2 (a part), got {got}"),
+        )
     })
 }
 

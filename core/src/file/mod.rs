@@ -17,7 +17,9 @@
 //! | `voxel_coder`, `voxel_pieces` | converts the voxels of one piece to a bit stream, and back; converts a volume to pieces, and back |
 //! | `check` | every invariant of a volume that comes from outside |
 //! | `write`, `read`, `label_subset` | writes a volume to a file, reads it from a file, and reads only some labels of a file |
+//! | `paged` | reads a file chunk by chunk into pages that are drawn from disk |
 //! | `file_sink` | writes a volume to a file while it is compressed |
+//! | `part`, `merge`, `part_chunk` | what a part of a volume says of itself; joins parts to the volume; one chunk of a part |
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed, so a killed process never leaves an incomplete file
 //! under the final name.
@@ -49,8 +51,12 @@ mod file_sink;
 mod format_error;
 mod label_subset;
 mod layout;
+mod merge;
 mod neighbours;
 mod nodes;
+mod paged;
+mod part;
+mod part_chunk;
 mod read;
 mod sections;
 mod size_limits;
@@ -64,7 +70,10 @@ mod write;
 mod damaged_files;
 
 pub(crate) use file_sink::finish_into_file;
+pub(crate) use part::PartHead;
 
 pub use file_sink::WrittenVolume;
 pub use layout::MAGIC;
+pub use merge::merge_parts;
+pub use part::{PartInfo, PartSource, read_part};
 pub use write::CompressionLevel;

@@ -135,9 +135,9 @@ pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<Comp
         }
         volume.runs.append(&mut runs);
         volume.leaves.push(Leaves {
-            patterns: sections.elements_of(b"LEAF", Some(c), u64::from_le_bytes)?,
-            slices: sections.elements_of(b"SLIC", Some(c), u16::from_le_bytes)?,
-            rare: sections.elements_of(b"RARE", Some(c), u64::from_le_bytes)?,
+            patterns: sections.elements_of(b"LEAF", Some(c), u64::from_le_bytes)?.into(),
+            slices: sections.elements_of(b"SLIC", Some(c), u16::from_le_bytes)?.into(),
+            rare: sections.elements_of(b"RARE", Some(c), u64::from_le_bytes)?.into(),
         });
     }
     volume.runs.shrink_to_fit();

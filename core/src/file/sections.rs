@@ -9,7 +9,7 @@ use serde::Deserialize;
 
 use super::codec;
 use super::format_error::{FormatError, Stop};
-use super::layout::{ENTRY_BYTES, Entry, HEADER_BYTES, Layout, section_checksum};
+use super::layout::{Contents, ENTRY_BYTES, Entry, HEADER_BYTES, Layout, section_checksum};
 use super::size_limits;
 use crate::elements::{Elements, MappedFile};
 use crate::error::one_line;
@@ -176,8 +176,22 @@ impl Sections {
     }
 }
 
-/// Reads and checks the header and the section table.
+/// Reads and checks the header and the section table of a volume.
 pub(super) fn read_layout(
+    file: &mut (impl Read + Seek),
+    file_bytes: u64,
+) -> std::result::Result<Layout, Stop> {
+    let layout = read_any_layout(file, file_bytes)?;
+    if layout.contents == Contents::Part {
+        let what =
+            "contents: expected a volume, got a part of one (pumice merge makes the volume of all its parts)";
+        return Err(FormatError::in_header(12, what.into()).into());
+    }
+    Ok(layout)
+}
+
+/// Reads and checks the header and the section table of a volume, or of a part of one.
+pub(super) fn read_any_layout(
     file: &mut (impl Read + Seek),
     file_bytes: u64,
 ) -> std::result::Result<Layout, Stop> {

@@ -26,7 +26,9 @@ use crate::reserve::reserved;
 use crate::sorted_cells::SortedCells;
 use crate::store::PartStore;
 use crate::volume::CHUNK_CELLS;
-use crate::{CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelTable, Result, morton};
+use crate::{
+    BoxGrid, CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelTable, Result, morton,
+};
 
 /// Bytes of an entry of `PIEC`.
 const PIECE_BYTES: usize = 16;
@@ -55,28 +57,45 @@ pub(super) fn encode(volume: &CompressedVolume, job: &Job) -> Result<Vec<Vec<u8>
     let streams: Vec<Vec<u8>> = pieces
         .par_iter()
         .map(|&origin| {
-            let [w, h, d] = piece_dims(volume.info.dims, origin);
-            let mut encoder = VoxelEncoder::new([w as usize, h as usize], volume.labels.len() as u32);
-            for z in (0..d).step_by(SLAB) {
-                job.check()?;
-                let dims = [w, h, (SLAB as u32).min(d - z)];
-                let slab = volume.decode_block_by(&grid, [origin[0], origin[1], origin[2] + z], dims)?;
-                slab.chunks_exact((w * h) as usize).for_each(|slice| encoder.slice(slice));
-                labelled.fetch_add(slab.iter().filter(|&&v| v != 0).count() as u64, Relaxed);
-                job.advance(slab.len() as u64);
-            }
-            Ok(encoder.finish())
+            let (stream, voxels) = encode_piece(volume, &grid, origin, job)?;
+            labelled.fetch_add(voxels, Relaxed);
+            Ok(stream)
         })
         .collect::<Result<_>>()?;
-    // Boxes of a malicious file may overlap; then the voxels would not represent all of them.
-    let (expected, got) = (volume.labels.voxels.iter().sum::<u64>(), labelled.into_inner());
-    if expected != got {
-        let what = format!(
-            "two labels claim one voxel: expected {expected} labelled voxels, got {got}; compress the source volume again"
-        );
-        return Err(Error::Caller(what));
-    }
+    check_disjoint(volume.labels.voxels.iter().sum::<u64>(), labelled.into_inner())?;
     Ok(streams)
+}
+
+/// Returns an error unless all voxels of the boxes were coded. Boxes of a malicious file may overlap; then the voxels would not represent all of
+/// them.
+pub(super) fn check_disjoint(expected: u64, got: u64) -> Result<()> {
+    if expected == got {
+        return Ok(());
+    }
+    Err(Error::Caller(format!(
+        "two labels claim one voxel: expected {expected} labelled voxels, got {got}; compress the source volume again"
+    )))
+}
+
+/// Encodes the voxels of the chunk at `origin`; returns the number of labelled ones too.
+pub(super) fn encode_piece(
+    volume: &CompressedVolume,
+    grid: &BoxGrid,
+    origin: [u32; 3],
+    job: &Job,
+) -> Result<(Vec<u8>, u64)> {
+    let [w, h, d] = piece_dims(volume.info.dims, origin);
+    let mut encoder = VoxelEncoder::new([w as usize, h as usize], volume.labels.len() as u32);
+    let mut labelled = 0;
+    for z in (0..d).step_by(SLAB) {
+        job.check()?;
+        let dims = [w, h, (SLAB as u32).min(d - z)];
+        let slab = volume.decode_block_by(grid, [origin[0], origin[1], origin[2] + z], dims)?;
+        slab.chunks_exact((w * h) as usize).for_each(|slice| encoder.slice(slice));
+        labelled += slab.iter().filter(|&&v| v != 0).count() as u64;
+        job.advance(slab.len() as u64);
+    }
+    Ok((encoder.finish(), labelled))
 }
 
 /// Reads a file of voxels; the caller compares the content hash.

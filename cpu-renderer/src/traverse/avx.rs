@@ -8,7 +8,7 @@ use super::IndexRay;
 use super::f64x4::Plain;
 #[cfg(target_arch = "x86_64")]
 use super::f64x4::{Avx2, Avx512};
-use super::volume_tracer::{Nearest, VolumeTracer};
+use super::volume_tracer::{Nearest, PagedBricks, VolumeTracer};
 
 /// Defines methods that call a generic one compiled for the instructions of this processor. (`KIND` as in [`VolumeTracer::nearest`].)
 macro_rules! by_what_the_processor_has {
@@ -61,6 +61,9 @@ impl VolumeTracer {
             (ray: &RayInWorld, from: PathOrigin, t_max: f64, best: f64) -> Option<Hit>;
         /// [`VolumeTracer::occluded_by`].
         occluded_uncut = occluded_by, 2: (ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool;
+        /// [`VolumeTracer::first_in_pages`].
+        find_first_in_pages = first_in_pages, 3:
+            (pages: &PagedBricks, ray: &IndexRay, start: f64, t_max: f64) -> Nearest;
     }
 }
 

@@ -8,6 +8,8 @@
 //! **Exactness.** The planes' t in f64 ([`IndexRay::t_of`]) decide everything: planes at the same t are crossed at once, and a block,
 //! brick, cell or voxel is hit where clipping the ray against it leaves a chord. (A walk through a box may skip a chord of 2·10⁻⁵ voxels.)
 
+use std::ops::Deref;
+
 use pumice_transport::geometry::bricks::{BLOCK, BRICK, Brick, Bricks};
 use pumice_transport::geometry::each_axis;
 
@@ -21,6 +23,35 @@ use super::ray_box_mask::RayBoxMask;
 pub(super) struct InBricks {
     pub(super) found: Found,
     pub(super) brick: usize,
+}
+
+/// Bricks of a volume, all in one place or in parts that are fetched one by one.
+pub(super) trait BrickStore {
+    /// Bricks that are in memory while this is.
+    type Held<'a>: Deref<Target = Bricks>
+    where
+        Self: 'a;
+
+    /// Blocks and bounds of the whole volume; the bricks themselves may be elsewhere.
+    fn grid(&self) -> &Bricks;
+
+    /// The bricks of the block of the grid at this index, whose lowest corner is at `corner`, and its index among their blocks; `None` where
+    /// they could not be fetched.
+    fn hold(&self, block: usize, corner: &Lanes) -> Option<(Self::Held<'_>, usize)>;
+}
+
+impl BrickStore for Bricks {
+    type Held<'a> = &'a Self;
+
+    #[inline(always)]
+    fn grid(&self) -> &Bricks {
+        self
+    }
+
+    #[inline(always)]
+    fn hold(&self, block: usize, _: &Lanes) -> Option<(&Self, usize)> {
+        Some((self, block))
+    }
 }
 
 /// Subtracting this turns rounding to nearest into rounding down, except for numbers just below a whole number; the result is an estimate
@@ -117,20 +148,21 @@ impl BlockWalk {
 
 /// The first voxel with scaled t in (`start`, `t_max`), or at `start`.
 #[inline(always)]
-pub(super) fn first_voxel<P: RayBoxMask>(
+pub(super) fn first_voxel<'a, P: RayBoxMask, S: BrickStore>(
     by: P,
-    bricks: &Bricks,
+    store: &'a S,
     ray: &IndexRay,
     start: f64,
     t_max: f64,
-) -> Option<InBricks> {
+) -> Option<(InBricks, S::Held<'a>)> {
+    let bricks = store.grid();
     let [low, high] = &bricks.bounds;
     let (mut enter, leave) = ray.clip_by(by, by.f64x4(low), by.f64x4(high), start);
     if enter >= leave || enter >= t_max {
         return None;
     }
     let end = if leave < t_max { leave } else { t_max };
-    let search = BrickSearch { by, bricks, ray, octant: Octant::new(|a| ray.is_down(a)), start };
+    let search = BrickSearch { by, ray, octant: Octant::new(|a| ray.is_down(a)), start };
     let octant = search.octant;
     let mut walk = BlockWalk::begin(by, bricks, ray, enter);
     loop {
@@ -138,15 +170,19 @@ pub(super) fn first_voxel<P: RayBoxMask>(
         if occupied != 0 {
             let met = by.ray_box_mask(ray, by.f64x4(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
             let mut met = met & by.mirrored(occupied, octant);
-            while met != 0 {
-                let place = met.trailing_zeros() ^ octant.mirror();
-                met &= met - 1;
-                let (number, brick) = bricks.brick(walk.index, place);
-                let step = &STEPS_OF_BRICKS[place as usize & 63];
-                match search.first_of_brick(brick, by.f64x4(&walk.corner), step, enter) {
-                    Found::Nothing => {}
-                    Found::Face(step) if step.t >= t_max => return None,
-                    found => return Some(InBricks { found, brick: number }),
+            if met != 0
+                && let Some((held, block)) = store.hold(walk.index, &walk.corner)
+            {
+                while met != 0 {
+                    let place = met.trailing_zeros() ^ octant.mirror();
+                    met &= met - 1;
+                    let (number, brick) = held.brick(block, place);
+                    let step = &STEPS_OF_BRICKS[place as usize & 63];
+                    match search.first_of_brick(&held, brick, by.f64x4(&walk.corner), step, enter) {
+                        Found::Nothing => {}
+                        Found::Face(step) if step.t >= t_max => return None,
+                        found => return Some((InBricks { found, brick: number }, held)),
+                    }
                 }
             }
         }
@@ -156,14 +192,15 @@ pub(super) fn first_voxel<P: RayBoxMask>(
 
 /// Calls `visit` with the bricks that a ray passes between `start` and `t_max`, from near to far; it returns up to which t further ones
 /// are wanted.
-pub(super) fn for_each_brick_along<P: RayBoxMask>(
+pub(super) fn for_each_brick_along<P: RayBoxMask, S: BrickStore>(
     by: P,
-    bricks: &Bricks,
+    store: &S,
     ray: &IndexRay,
     start: f64,
     t_max: f64,
-    mut visit: impl FnMut(usize) -> f64,
+    mut visit: impl FnMut(&S::Held<'_>, usize) -> f64,
 ) {
+    let bricks = store.grid();
     let [low, high] = &bricks.bounds;
     let (mut enter, leave) = ray.clip_by(by, by.f64x4(low), by.f64x4(high), start);
     if enter >= leave || enter >= t_max {
@@ -175,10 +212,14 @@ pub(super) fn for_each_brick_along<P: RayBoxMask>(
     loop {
         let met = by.ray_box_mask(ray, by.f64x4(&walk.corner), &[0.0; 4], f64::from(BRICK), enter);
         let mut met = met & by.mirrored(bricks.occupied(walk.index), octant);
-        while met != 0 {
-            let place = met.trailing_zeros() ^ octant.mirror();
-            met &= met - 1;
-            end = end.min(visit(bricks.brick(walk.index, place).0));
+        if met != 0
+            && let Some((held, block)) = store.hold(walk.index, &walk.corner)
+        {
+            while met != 0 {
+                let place = met.trailing_zeros() ^ octant.mirror();
+                met &= met - 1;
+                end = end.min(visit(&held, held.brick(block, place).0));
+            }
         }
         // (`end` may be a t at which a hit is as near: what begins there is still wanted.)
         match walk.step(bricks, ray, end.next_up()) {
@@ -192,7 +233,6 @@ pub(super) fn for_each_brick_along<P: RayBoxMask>(
 #[derive(Clone, Copy)]
 struct BrickSearch<'a, P> {
     by: P,
-    bricks: &'a Bricks,
     ray: &'a IndexRay,
     octant: Octant,
     /// Only voxels at or after this scaled t count.
@@ -202,8 +242,15 @@ struct BrickSearch<'a, P> {
 impl<P: RayBoxMask> BrickSearch<'_, P> {
     /// The first voxel of a brick whose lowest corner is at `corner + step`. `from` is any t before the ray enters the brick.
     #[inline(always)]
-    fn first_of_brick(&self, brick: &Brick, corner: P::F64x4, step: &Lanes, from: f64) -> Found {
-        let Self { by, bricks, ray, octant, start } = *self;
+    fn first_of_brick(
+        &self,
+        bricks: &Bricks,
+        brick: &Brick,
+        corner: P::F64x4,
+        step: &Lanes,
+        from: f64,
+    ) -> Found {
+        let Self { by, ray, octant, start } = *self;
         let mut met = by.ray_box_mask(ray, corner, step, 4.0, from) & by.mirrored(brick.occupied, octant);
         let lo = corner.plus(by.f64x4(step));
         while met != 0 {

@@ -30,6 +30,9 @@ pub struct TracedInstance {
     pub lod: LodChoice,
 }
 
+/// Samples that a pass adds where pages are loaded again: loading them costs a pass a few samples' time, not each sample.
+const SAMPLES_A_PASS_OF_PAGES: u32 = 8;
+
 /// The geometry of a scene (see the module).
 #[derive(Debug)]
 pub struct SceneTracer {
@@ -174,6 +177,12 @@ impl SceneTracer {
     /// The part of [`SceneTracer::bytes`] that bricks take.
     pub fn brick_bytes(&self) -> u64 {
         self.own_volumes().map(|v| v.brick_bytes()).sum()
+    }
+
+    /// Number of pages of its volumes that have been loaded, each time again, and of pages that there are.
+    pub fn page_loads(&self) -> (u64, u64) {
+        let of = self.own_volumes().filter_map(|volume| volume.page_loads());
+        of.fold((0, 0), |sum, of| (sum.0 + of.0, sum.1 + of.1))
     }
 
     /// Volumes; of those that share a hierarchy, the first.
@@ -384,5 +393,14 @@ impl Tracer for SceneTracer {
 
     fn is_smooth(&self) -> bool {
         self.is_smooth
+    }
+
+    fn failure(&self) -> Option<String> {
+        self.volumes.iter().find_map(|volume| volume.failure())
+    }
+
+    fn least_samples_a_pass(&self) -> u32 {
+        let (loads, pages) = self.page_loads();
+        if loads > pages { SAMPLES_A_PASS_OF_PAGES } else { 1 }
     }
 }

@@ -2,6 +2,7 @@
 
 mod drawn_boxes;
 mod making;
+mod pages;
 mod search;
 mod showing;
 mod surfaces;
@@ -26,6 +27,7 @@ use super::f64x4::{Instructions, Plain};
 use super::index_ray::{Start, surface_of};
 use super::ray_box_mask::RayBoxMask;
 use drawn_boxes::DrawnBoxes;
+pub(super) use pages::PagedBricks;
 pub(super) use search::{Nearest, bvh_ray};
 use showing::Widest;
 use surfaces::Left;
@@ -39,6 +41,8 @@ pub struct VolumeTracer {
     boxes: Arc<DrawnBoxes>,
     /// The drawn voxels with all labels merged, if there is such a form; where there is none, the boxes have a hierarchy.
     bricks: Option<Arc<Bricks>>,
+    /// The same where neither they nor the boxes are in memory; there are no `bricks` then.
+    pages: Option<Arc<PagedBricks>>,
     /// Whether bricks are wanted where they are possible.
     wants_bricks: bool,
     detail: Detail,
@@ -59,6 +63,9 @@ pub struct VolumeTracer {
 impl VolumeTracer {
     /// Dense index of the visible label at `voxel`, at the level of detail that is drawn; the lowest if there are several.
     pub fn label_at(&self, voxel: [u32; 3]) -> Option<u32> {
+        if let Some(pages) = &self.pages {
+            return pages.with(voxel)?.tracer().label_at(voxel);
+        }
         let mut label = None;
         self.for_each_box_near(voxel, |item| {
             if self.holds(item, voxel) {
@@ -127,11 +134,11 @@ impl VolumeTracer {
         let Some(r) = self.index_ray(by, ray, from) else { return false };
         let t_max = r.scaled_t(t_max);
         let nearest = match &self.bricks {
-            Some(bricks) => match first_voxel(by, bricks, &r, 0.0, t_max) {
+            Some(bricks) => match first_voxel(by, &**bricks, &r, 0.0, t_max) {
                 None => return false,
                 // (Which box it belongs to does not matter.)
-                Some(InBricks { found: Found::Face(_), .. }) => return true,
-                Some(inside) => self.with_its_box(bricks, inside),
+                Some((InBricks { found: Found::Face(_), .. }, _)) => return true,
+                Some((inside, _)) => self.with_its_box(bricks, inside),
             },
             None => self.nearest::<P, KIND>(by, &r, 0.0, t_max, None, any_will_do(from)),
         };
@@ -270,7 +277,7 @@ impl Tracer for VolumeTracer {
     }
 
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
-        self.item_with(face.label, face.voxel).map(|item| self.volume.place_of_box(item as usize).origin)
+        self.place_with(face.label, face.voxel).map(|place| place.origin)
     }
 
     fn smooth_normal(&self, surface: &Surface, point: DVec3) -> Option<DVec3> {
@@ -301,6 +308,10 @@ impl Tracer for VolumeTracer {
 
     fn is_smooth(&self) -> bool {
         self.neighbors.is_some()
+    }
+
+    fn failure(&self) -> Option<String> {
+        self.pages.as_ref()?.failure()
     }
 }
 

@@ -40,7 +40,8 @@ pub(super) fn prepare_again(request: &RenderRequest, picture: &Path, job: &Job) 
     // Open what it was made from, and nothing else.
     check_sky(picture, &made)?;
     let instead = request.overrides.labels.clone().map(Show::Only);
-    let volumes = open_shown(&made.scene, instead.as_ref(), &request.reading, Residence::Mapped, job)?;
+    let residence = Residence::within(request.memory_limit_bytes);
+    let volumes = open_shown(&made.scene, instead.as_ref(), &request.reading, residence, job)?;
     let meshes = open_meshes(&made.scene)?;
     check_hashes(picture, &made, &volumes, &meshes)?;
 

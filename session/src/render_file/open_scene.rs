@@ -34,6 +34,7 @@ pub(crate) fn open_scene(
     path: &Path,
     overrides: &RenderOverrides,
     reading: &OpenOptions,
+    residence: Residence,
     job: &Job,
 ) -> Result<OpenedScene> {
     let figure = &overrides.figure;
@@ -52,14 +53,14 @@ pub(crate) fn open_scene(
         let mut scene =
             Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
         check_files(&scene, reading)?;
-        let volumes = open_shown(&scene, instead.as_ref(), reading, Residence::Mapped, job)?;
+        let volumes = open_shown(&scene, instead.as_ref(), reading, residence, job)?;
         show_chosen(figure, &mut scene, &volumes).map_err(wrong)?;
         let meshes = open_meshes(&scene)?;
         record(&mut scene, reading);
         (scene, volumes, meshes)
     } else {
         let shows = instead.as_ref().unwrap_or(&Show::All);
-        let volume = open_chosen(path, &[shows], reading, Residence::Mapped, job)?;
+        let volume = open_chosen(path, &[shows], reading, residence, job)?;
         let labels = overrides.labels.as_ref().map(|ids| dense_labels(&volume, ids)).transpose()?;
         let absolute = path.canonicalize().map_err(io(path))?;
         let size = overrides.pixels(FigureOptions::DEFAULT_SIZE);

@@ -8,6 +8,7 @@ use super::open_scene::{OpenedScene, open_scene};
 use super::request::{RenderOverrides, RenderRequest, Subject};
 use crate::error::Result;
 use crate::figure::FigureFlags;
+use crate::open::Residence;
 use crate::progressive::Stop;
 
 /// A scene with its volumes and meshes open, ready to render.
@@ -24,7 +25,10 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
     match &request.subject {
         Subject::Again(picture) => prepare_again(request, picture, job),
         Subject::File(path) => Ok(Prepared {
-            opened: open_scene(path, &beside_legend(request), &request.reading, job)?,
+            opened: {
+                let residence = Residence::within(request.memory_limit_bytes);
+                open_scene(path, &beside_legend(request), &request.reading, residence, job)?
+            },
             stop: request.stop,
             backend: request.backend.clone(),
             annotations: request.annotations.clone(),

@@ -10,6 +10,11 @@ use crate::error::{Result, SessionError};
 /// [`SessionError::Caller`] names the option, the file, and where the option has an effect.
 pub(super) fn check_options(request: &RenderRequest, format: PictureFormat) -> Result<()> {
     let wishes = &request.overrides;
+    if request.memory_limit_bytes.is_some() && request.explain {
+        return Err(SessionError::Caller(
+            "--memory-limit: --explain measures volumes that are in memory".into(),
+        ));
+    }
     let (option, why) = match format {
         PictureFormat::Png if wishes.half => ("--half", "has 8 bits a channel; half floats go into an .exr"),
         PictureFormat::Png if request.passes != ["all"] => {

@@ -10,7 +10,7 @@ use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
 use super::provenance::{hash_text, mesh_hash_text, sky_hash_text};
-use crate::backend::{FallbackRenderer, make_renderer};
+use crate::backend::{FallbackRenderer, backend_for, make_renderer};
 use crate::error::Result;
 use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::progressive::{CurvePoint, Stop, Watch, render_watched};
@@ -35,6 +35,9 @@ pub struct RenderFigures {
     pub opening_seconds: Option<[f64; 2]>,
     /// Bytes of the volumes in memory by part. Only labels that were read count, and each volume counts once.
     pub volume_bytes: BTreeMap<&'static str, u64>,
+    /// What was in memory of volumes that were drawn from disk; absent where all was in memory.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub pages: Option<PageFigures>,
     /// Wall and CPU seconds of building the acceleration structures and tables.
     pub prepare_seconds: [f64; 2],
     /// Largest resident set of the process so far; absent where the system does not report it.
@@ -64,6 +67,48 @@ pub struct RenderFigures {
     pub savings: Option<Savings>,
 }
 
+/// What was in memory of volumes that were drawn from disk.
+#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize)]
+pub struct PageFigures {
+    /// The limit in bytes.
+    pub limit_bytes: u64,
+    /// The most bytes that were in memory at once.
+    pub most_bytes: u64,
+    /// Bytes that all of the volumes would take.
+    pub bytes_of_all: u64,
+    /// Pages that there are.
+    pub pages: u64,
+    /// Loads of pages, each time again.
+    pub loads: u64,
+}
+
+/// Loads a page on average, beyond which a picture says that a higher limit would make it faster.
+const MANY_LOADS: u64 = 4;
+
+impl PageFigures {
+    /// Of the volumes of a scene, which share one memory.
+    fn of(volumes: &[Arc<CompressedVolume>]) -> Option<Self> {
+        let counts = volumes.iter().find_map(|volume| volume.pages())?.memory().counts();
+        Some(Self {
+            limit_bytes: counts.limit_bytes,
+            most_bytes: counts.most_held_bytes,
+            bytes_of_all: counts.bytes_of_all,
+            pages: counts.parts,
+            loads: counts.loads,
+        })
+    }
+
+    /// What the limit cost, where it cost much.
+    fn notice(&self) -> Option<String> {
+        let Self { limit_bytes, bytes_of_all, pages, loads, .. } = self;
+        (*loads > MANY_LOADS * pages).then(|| {
+            format!(
+                "memory limit: {pages} pages were loaded {loads} times within {limit_bytes} bytes; the picture is the same with more, and sooner done (all take {bytes_of_all})"
+            )
+        })
+    }
+}
+
 /// A rendered picture, its figures, and what was needed for it.
 #[derive(Clone, Debug)]
 pub struct Rendered {
@@ -89,6 +134,7 @@ impl Rendered {
             cpu_seconds: f64::NAN,
             opening_seconds: None,
             volume_bytes: BTreeMap::new(),
+            pages: None,
             prepare_seconds: [f64::NAN; 2],
             peak_rss_bytes: None,
             acceleration_bytes: 0,
@@ -133,7 +179,7 @@ pub fn render_scene(
     watch: &mut dyn FnMut(&CurvePoint),
 ) -> Result<Rendered> {
     let clock = Stopwatch::start();
-    let mut renderer = make_renderer(backend)?;
+    let mut renderer = make_renderer(backend_for(loaded, backend)?)?;
     check_memory(&renderer, loaded)?;
     renderer.set_scene(loaded)?;
     let sky_hash = sky_hash_text(loaded.scene())?;
@@ -190,7 +236,9 @@ pub(crate) fn report(
     mut picture: Picture,
     sky_hash: Option<String>,
 ) -> Rendered {
-    let notices = renderer.notices();
+    let pages = PageFigures::of(loaded.volumes());
+    let mut notices = renderer.notices();
+    notices.extend(pages.and_then(|pages| pages.notice()));
     let bytes: BTreeMap<_, _> = renderer.bytes().into_iter().collect();
     let acceleration_bytes = bytes.get("acceleration").copied().unwrap_or_default();
     let last = curve.last().copied().unwrap_or(CurvePoint {
@@ -225,6 +273,7 @@ pub(crate) fn report(
             cpu_seconds: last.cpu_seconds,
             opening_seconds: None,
             volume_bytes: volume_bytes(volumes),
+            pages,
             prepare_seconds,
             peak_rss_bytes: peak_rss_bytes(),
             acceleration_bytes,

@@ -77,6 +77,8 @@ pub struct RenderRequest {
     pub paths: PicturePaths,
     /// Threads; `None` takes all cores.
     pub threads: Option<usize>,
+    /// Bytes that the volumes may hold while they are drawn, from disk then; without a limit they are in memory.
+    pub memory_limit_bytes: Option<u64>,
     /// Where to write the scene, if anywhere.
     pub save_scene: Option<PathBuf>,
     /// Whether to measure what leaving out unneeded parts saves.

@@ -13,6 +13,7 @@ use pumice_transport::geometry::DetailLevel;
 use super::{MOST_PIXELS, VerifyRenderRequest};
 use crate::cycles::faces_of;
 use crate::error::{Result, SessionError};
+use crate::open::Residence;
 use crate::render_file::open_scene::{OpenedScene, open_scene};
 
 /// Bytes of Blender's process for each face, in the mesh and in Cycles' hierarchy (measured: 0.52 kB, with a tenth to spare), and without
@@ -33,7 +34,7 @@ impl Subject {
     /// # Errors
     /// What the scene has and Cycles has not; [`pumice_core::Error::Limit`] where even the coarsest surface takes too much memory.
     pub(super) fn new(request: &VerifyRenderRequest, input: &Path, job: &Job) -> Result<Self> {
-        let opened = open_scene(input, &request.overrides, &request.reading, job)?;
+        let opened = open_scene(input, &request.overrides, &request.reading, Residence::Mapped, job)?;
         let OpenedScene { mut scene, volumes, meshes } = opened;
         let mut notes = Vec::new();
         refuse(&scene)?;

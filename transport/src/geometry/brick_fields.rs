@@ -11,12 +11,15 @@
 use std::ops::Range;
 use std::sync::Arc;
 
+use pumice_core::NoMemory;
+use pumice_core::stored::{put, take};
+
 /// Code of a mask that is not in the table.
 const RARE: u16 = u16::MAX;
 
 /// Masks by their place (see the module).
 #[derive(Debug)]
-pub(super) enum Fields {
+pub(in crate::geometry) enum Fields {
     /// As they are.
     Plain(Vec<u64>),
     /// As codes.
@@ -24,7 +27,7 @@ pub(super) enum Fields {
 }
 
 #[derive(Debug)]
-pub(super) struct Coded {
+pub(in crate::geometry) struct Coded {
     codes: Vec<u16>,
     /// Shared by bricks that were made of others.
     table: Arc<[u64]>,
@@ -107,6 +110,33 @@ impl Fields {
                 coded.rare.shrink_to_fit();
             }
         }
+    }
+
+    /// Appends the masks to bytes of a temporary file.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(super) fn put(&self, out: &mut Vec<u8>) -> Result<(), NoMemory> {
+        let Self::Coded(Coded { codes, table, rare }) = self else {
+            let Self::Plain(fields) = self else { return Ok(()) };
+            put::<u64>(out, fields)?;
+            return put::<u16>(out, &[]);
+        };
+        put::<u64>(out, table)?;
+        put::<u16>(out, codes)?;
+        put::<u32>(out, &rare.iter().map(|of| of.0).collect::<Vec<_>>())?;
+        put::<u64>(out, &rare.iter().map(|of| of.1).collect::<Vec<_>>())
+    }
+
+    /// Takes masks from bytes that [`Fields::put`] appended to.
+    pub(super) fn take(bytes: &mut &[u8]) -> Option<Self> {
+        let (masks, codes) = (take::<u64>(bytes)?, take::<u16>(bytes)?);
+        if codes.is_empty() {
+            return Some(Self::Plain(masks));
+        }
+        let (places, fields) = (take::<u32>(bytes)?, take::<u64>(bytes)?);
+        let rare = places.into_iter().zip(fields).collect();
+        Some(Self::Coded(Coded { codes, table: masks.into(), rare }))
     }
 
     /// Size on the heap in bytes.

@@ -20,6 +20,8 @@
 //! a cortex twice as large. What is left out is seldom needed: the label once a hit ([`LabelOfBox`]), the cells where the sections of
 //! several boxes hold the voxel that was hit.
 
+mod stored;
+
 use std::ops::Range;
 use std::sync::Arc;
 
@@ -47,6 +49,8 @@ pub struct Bricks {
     pub last_block: [f64; 4],
     /// Distance in `blocks` from a block to its neighbour along each axis.
     pub strides: [usize; 3],
+    /// Place of the first block along each axis: 0, except in bricks of a part of a volume.
+    first: [u32; 3],
     blocks: Vec<Block>,
     bricks: Vec<Brick>,
     fields: Fields,
@@ -65,7 +69,8 @@ pub struct Block {
 }
 
 /// A brick of 16³ voxels, at least one of which is drawn.
-#[derive(Clone, Copy, Debug)]
+#[derive(Clone, Copy, Debug, bytemuck::Pod, bytemuck::Zeroable)]
+#[repr(C)]
 pub struct Brick {
     /// Mask of the cells that hold a voxel.
     pub occupied: u64,
@@ -89,22 +94,49 @@ impl Bricks {
     /// Builds the bricks of these boxes of a volume, all drawn at `level`. Returns `None` where `items` is empty, where the volume is too
     /// sparse, or where an index would not fit 32 bits.
     pub fn new(volume: &CompressedVolume, items: &[u32], level: DetailLevel) -> Option<Self> {
-        let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
-        let blocks = blocks_along.iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul)?;
-        if items.is_empty() || blocks > FEW_BLOCKS.max(BLOCKS_A_BOX * items.len() as u64) || blocks >> 31 != 0
-        {
+        let blocks_along = blocks_along(volume.info().dims);
+        if items.is_empty() || !Self::are_possible(volume.info().dims, items.len() as u64) {
             return None;
         }
-        let reaching = boxes_by_brick(volume, items, blocks_along);
+        Self::of_blocks(volume, items, level, [0; 3], blocks_along)
+    }
+
+    /// Whether a volume of this size is not too sparse for bricks, with so many boxes drawn.
+    pub fn are_possible(dims: [u32; 3], boxes: u64) -> bool {
+        let blocks = blocks_along(dims).iter().map(|&n| u64::from(n)).try_fold(1u64, u64::checked_mul);
+        blocks.is_some_and(|n| n <= FEW_BLOCKS.max(BLOCKS_A_BOX.saturating_mul(boxes)) && n >> 31 == 0)
+    }
+
+    /// Builds the bricks of a part of a volume: of `along` blocks from the block at `first`, both counted in blocks. `items` are all boxes
+    /// that reach into it. Returns `None` where no voxel of theirs lies there, or where an index would not fit 32 bits.
+    pub fn of_blocks(
+        volume: &CompressedVolume,
+        items: &[u32],
+        level: DetailLevel,
+        first: [u32; 3],
+        along: [u32; 3],
+    ) -> Option<Self> {
+        let reaching = boxes_by_brick(volume, items, first, along);
         let mut made =
-            Self::empty(level, blocks_along, Fields::default(), Arc::new(LabelOfBox::new(volume)?));
+            Self::empty(level, first, along, Fields::default(), Arc::new(LabelOfBox::new(volume)?));
         let mut bounds = BoxBounds::EMPTY;
         for of_brick in reaching.chunk_by(|a, b| a.0 == b.0) {
             let number = of_brick.first()?.0;
             bounds = bounds.union(made.add(volume, number, of_brick.iter().map(|of| of.1))?);
         }
         made.fields.pack();
-        made.finish(bounds)
+        if made.bricks.is_empty() { None } else { made.finish(bounds) }
+    }
+
+    /// Blocks alone, of a volume of this size: `occupied` has the mask of the bricks of each that hold a voxel, x fastest, all of which lie
+    /// within `bounds`. The bricks themselves are elsewhere.
+    pub fn grid_of(dims: [u32; 3], level: DetailLevel, occupied: &[u64], bounds: BoxBounds) -> Self {
+        let along = blocks_along(dims);
+        let none = LabelOfBox::default();
+        let mut grid = Self::empty(level, [0; 3], along, Fields::default(), Arc::new(none));
+        grid.blocks.iter_mut().zip(occupied).for_each(|(block, &occupied)| block.occupied = occupied);
+        grid.bounds = [bounds.lo, bounds.hi].map(f64x4);
+        grid
     }
 
     /// The same without the boxes of `hidden` labels: what [`Bricks::new`] builds of the others. Bricks that no hidden box reaches into are
@@ -112,9 +144,9 @@ impl Bricks {
     pub fn without(&self, volume: &CompressedVolume, hidden: &[bool]) -> Option<Self> {
         let is_hidden =
             |item: &u32| hidden.get(self.label_of(volume, *item) as usize).copied().unwrap_or(true);
-        let blocks_along = volume.info().dims.map(|d| d.div_ceil(BLOCK));
+        let along = blocks_along(volume.info().dims);
         let fields = Fields::empty_like(&self.fields);
-        let mut made = Self::empty(self.level, blocks_along, fields, Arc::clone(&self.labels));
+        let mut made = Self::empty(self.level, [0; 3], along, fields, Arc::clone(&self.labels));
         let mut bounds = BoxBounds::EMPTY;
         for (b, block) in self.blocks.iter().enumerate() {
             for (i, place) in (0u32..64).filter(|&place| block.occupied >> place & 1 != 0).enumerate() {
@@ -132,13 +164,20 @@ impl Bricks {
         if made.bricks.is_empty() { None } else { made.finish(bounds) }
     }
 
-    fn empty(level: DetailLevel, blocks_along: [u32; 3], fields: Fields, labels: Arc<LabelOfBox>) -> Self {
-        let blocks: usize = blocks_along.iter().map(|&n| n as usize).product();
+    fn empty(
+        level: DetailLevel,
+        first: [u32; 3],
+        along: [u32; 3],
+        fields: Fields,
+        labels: Arc<LabelOfBox>,
+    ) -> Self {
+        let blocks: usize = along.iter().map(|&n| n as usize).product();
         Self {
             level,
             bounds: [[0.0; 4]; 2],
-            last_block: f64x4(blocks_along.map(|n| n - 1)),
-            strides: [1, blocks_along[0] as usize, blocks_along[0] as usize * blocks_along[1] as usize],
+            last_block: f64x4(along.map(|n| n - 1)),
+            strides: [1, along[0] as usize, along[0] as usize * along[1] as usize],
+            first,
             blocks: vec![Block::default(); blocks],
             bricks: Vec::new(),
             fields,
@@ -164,7 +203,7 @@ impl Bricks {
         let (block, place) = ((number >> PLACE_BITS) as u32, number as u32 & 63);
         let [_, along_y, along_z] = self.strides.map(|stride| stride as u32);
         let of_block = [block % along_y, block % along_z / along_y, block / along_z];
-        each_axis(|a| BLOCK * of_block[a] + BRICK * (place >> (2 * a) & 3))
+        each_axis(|a| BLOCK * (self.first[a] + of_block[a]) + BRICK * (place >> (2 * a) & 3))
     }
 
     /// Marks the brick that is appended next in its block.
@@ -358,6 +397,7 @@ impl Bricks {
 
     /// The brick that `voxel` lies in; `None` where that holds nothing, and outside of the volume.
     pub fn brick_with(&self, voxel: [u32; 3]) -> Option<usize> {
+        let voxel = each_axis(|a| voxel[a].wrapping_sub(BLOCK * self.first[a]));
         if (0..3).any(|a| f64::from(voxel[a] / BLOCK) > self.last_block[a]) {
             return None;
         }
@@ -416,20 +456,32 @@ fn f64x4([x, y, z]: [u32; 3]) -> [f64; 4] {
     [f64::from(x), f64::from(y), f64::from(z), 0.0]
 }
 
-/// The pairs (block and place of a brick, box) for each brick that a box reaches into, sorted.
-fn boxes_by_brick(volume: &CompressedVolume, items: &[u32], blocks_along: [u32; 3]) -> Vec<(u64, u32)> {
+/// Number of blocks along each axis of a volume of this size.
+fn blocks_along(dims: [u32; 3]) -> [u32; 3] {
+    dims.map(|d| d.div_ceil(BLOCK))
+}
+
+/// The pairs (block and place of a brick, box) for each brick that a box reaches into, sorted, of `along` blocks from that at `from`.
+fn boxes_by_brick(
+    volume: &CompressedVolume,
+    items: &[u32],
+    from: [u32; 3],
+    along: [u32; 3],
+) -> Vec<(u64, u32)> {
+    // In bricks.
+    let (start, end) = (from.map(|b| 4 * b), each_axis(|a| 4 * (from[a] + along[a])));
     let mut reaching = Vec::with_capacity(items.len());
     for &item in items {
         let place = volume.place_of_box(item as usize);
-        let first = place.origin.map(|v| v / BRICK);
+        let first = each_axis(|a| (place.origin[a] / BRICK).max(start[a]));
         let last = each_axis(|a| (place.origin[a] + place.extent[a] - 1) / BRICK);
         // A box may end beyond the volume, where it holds no voxel.
-        let last = each_axis(|a| last[a].min((volume.info().dims[a] - 1) / BRICK));
+        let last = each_axis(|a| last[a].min((volume.info().dims[a] - 1) / BRICK).min(end[a] - 1));
         for z in first[2]..=last[2] {
             for y in first[1]..=last[1] {
                 for x in first[0]..=last[0] {
-                    let block = u64::from(z / 4 * blocks_along[1] + y / 4) * u64::from(blocks_along[0])
-                        + u64::from(x / 4);
+                    let [i, j, k] = [x / 4 - from[0], y / 4 - from[1], z / 4 - from[2]];
+                    let block = u64::from(k * along[1] + j) * u64::from(along[0]) + u64::from(i);
                     let place = (x & 3) | (y & 3) << 2 | (z & 3) << 4;
                     reaching.push((block << PLACE_BITS | u64::from(place), item));
                 }

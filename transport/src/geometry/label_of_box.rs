@@ -15,10 +15,10 @@ use pumice_core::CompressedVolume;
 const GROUP_BITS: u32 = 4;
 
 /// Finds the labels of boxes of one volume (see the module).
-#[derive(Debug)]
+#[derive(Debug, Default)]
 pub struct LabelOfBox {
-    first: Vec<u32>,
-    starts: Vec<u32>,
+    pub(super) first: Vec<u32>,
+    pub(super) starts: Vec<u32>,
 }
 
 impl LabelOfBox {

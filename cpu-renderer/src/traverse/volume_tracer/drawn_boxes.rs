@@ -7,6 +7,8 @@ use pumice_core::{CompressedVolume, NoMemory};
 use pumice_transport::geometry::visible_boxes::{for_each_visible_box, visible_boxes, visible_items};
 use pumice_transport::{BoxBounds, Bvh, RenderError};
 
+use super::pages::Drawn;
+
 /// See the module.
 #[derive(Debug)]
 pub(super) struct DrawnBoxes {
@@ -44,6 +46,16 @@ impl DrawnBoxes {
         });
         let bounds = (count > 0).then_some(all);
         Self { labels: visible.into(), count, bounds, is_tight, hierarchy: None }
+    }
+
+    /// No box: those of a page are all drawn, and found by bricks.
+    pub(super) fn nothing() -> Self {
+        Self { labels: Box::default(), count: 0, bounds: None, is_tight: false, hierarchy: None }
+    }
+
+    /// So many boxes of visible labels, which are not in memory.
+    pub(super) fn elsewhere(visible: &[bool], drawn: &Drawn, is_tight: bool) -> Self {
+        Self { labels: visible.into(), count: drawn.boxes, bounds: drawn.bounds, is_tight, hierarchy: None }
     }
 
     /// The same boxes with a hierarchy; `None` where they have one.

@@ -4,7 +4,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::reserve::collected;
-use pumice_core::{CompressedVolume, NoMemory};
+use pumice_core::{CompressedVolume, NoMemory, Pages};
 use pumice_scene::CutShape;
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::geometry::bricks::Bricks;
@@ -18,8 +18,9 @@ use pumice_transport::{BoxBounds, RenderError};
 use super::super::TracedInstance;
 use super::VolumeTracer;
 use super::drawn_boxes::DrawnBoxes;
+use super::pages::{PagedBricks, refused};
 
-fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
+pub(super) fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
     [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])
 }
 
@@ -29,6 +30,9 @@ impl VolumeTracer {
     /// # Errors
     /// [`RenderError::Scene`] if the matrix is singular or there are too many boxes to number; [`RenderError::Memory`].
     pub fn new(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
+        if traced.volume.pages().is_some() {
+            return Err(refused("a hierarchy of boxes"));
+        }
         let is_tight = traced.lod == LodChoice::Voxels;
         Self::of_boxes(instance, traced, || {
             DrawnBoxes::in_hierarchy(&traced.volume, &traced.visible, is_tight)
@@ -41,10 +45,29 @@ impl VolumeTracer {
     /// # Errors
     /// As [`VolumeTracer::new`].
     pub fn in_bricks(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
+        if let Some(pages) = traced.volume.pages() {
+            return Self::in_pages(instance, traced, pages);
+        }
         let is_tight = traced.lod == LodChoice::Voxels;
         Self::of_boxes(instance, traced, || Ok(DrawnBoxes::alone(&traced.volume, &traced.visible, is_tight)))?
             .with_bricks()?
             .complete()
+    }
+
+    /// [`VolumeTracer::in_bricks`] of a volume whose boxes are not in memory.
+    fn in_pages(instance: u32, traced: &TracedInstance, pages: &Arc<Pages>) -> Result<Self, RenderError> {
+        let TracedInstance { volume, visible, lod, .. } = traced;
+        let level = match lod {
+            LodChoice::Voxels => DetailLevel::Voxels,
+            LodChoice::Cells => DetailLevel::Cells,
+            LodChoice::Boxes => DetailLevel::Boxes,
+            LodChoice::Distance { .. } => return Err(refused("a level of detail by distance (--lod auto)")),
+        };
+        let is_tight = *lod == LodChoice::Voxels;
+        let (paged, drawn) = PagedBricks::new(volume, pages, visible, level, is_tight)?;
+        let boxes = || Ok(DrawnBoxes::elsewhere(visible, &drawn, is_tight));
+        let tracer = Self::of_boxes(instance, traced, boxes)?;
+        Ok(Self { pages: paged.map(Arc::new), wants_bricks: true, ..tracer })
     }
 
     fn of_boxes(
@@ -71,6 +94,7 @@ impl VolumeTracer {
             instance,
             boxes,
             bricks: None,
+            pages: None,
             wants_bricks: false,
             cuts: Cuts::default(),
             hidden: None,
@@ -81,6 +105,9 @@ impl VolumeTracer {
 
     /// Adds a hierarchy where there are no bricks, and where the next camera may ask for other levels.
     pub(super) fn complete(mut self) -> Result<Self, RenderError> {
+        if self.pages.is_some() {
+            return Ok(self);
+        }
         if (self.bricks.is_none() || matches!(self.detail, Detail::ByDistance(_)))
             && let Some(boxes) = self.boxes.with_hierarchy(&self.volume)?
         {
@@ -108,6 +135,9 @@ impl VolumeTracer {
     /// [`RenderError::Memory`] where there is none for the list of the boxes that are drawn.
     pub fn with_bricks(mut self) -> Result<Self, RenderError> {
         self.wants_bricks = true;
+        if self.pages.is_some() {
+            return Ok(self);
+        }
         // (Existing bricks are kept if they have the right level.)
         if self.bricks.as_ref().map(|bricks| bricks.level()) != self.level {
             self.bricks = match self.level {
@@ -132,6 +162,8 @@ impl VolumeTracer {
     pub fn shaded_smooth(mut self, is_smooth: bool) -> Result<Self, RenderError> {
         if !is_smooth {
             self.neighbors = None;
+        } else if self.pages.is_some() {
+            return Err(refused("smooth shading of voxels (smooth_voxels)"));
         } else if self.neighbors.is_none() {
             let items = self.drawn()?;
             let drawn = items.iter().map(|&item| {
@@ -164,6 +196,10 @@ impl VolumeTracer {
         if self.boxes.is_tight() != (lod == LodChoice::Voxels) {
             return Ok(None);
         }
+        let level = lod.placed(&world_from_index);
+        if self.pages.as_ref().is_some_and(|pages| level != Detail::Same(pages.level())) {
+            return Ok(None);
+        }
         let placement = Placement::of_instance(instance, world_from_index)?;
         let detail = lod.placed(&world_from_index);
         let again = Self {
@@ -175,6 +211,7 @@ impl VolumeTracer {
             instance,
             boxes: Arc::clone(&self.boxes),
             bricks: self.bricks.clone(),
+            pages: self.pages.clone(),
             wants_bricks: self.wants_bricks,
             cuts: Cuts::default(),
             hidden: self.hidden.clone(),
@@ -195,14 +232,17 @@ impl VolumeTracer {
 
     /// The part of [`VolumeTracer::bytes`] that bricks take.
     pub fn brick_bytes(&self) -> u64 {
-        self.bricks.as_ref().map_or(0, |b| b.bytes())
+        self.bricks.as_ref().map_or(0, |b| b.bytes()) + self.pages.as_ref().map_or(0, |p| p.bytes())
     }
 
-    /// Indices of the boxes that are drawn, rising.
+    /// Indices of the boxes that are drawn, rising; none where these are not in memory.
     ///
     /// # Errors
     /// [`NoMemory`].
     pub fn drawn(&self) -> Result<Vec<u32>, NoMemory> {
+        if self.pages.is_some() {
+            return Ok(Vec::new());
+        }
         let mut items = self.boxes.items(&self.volume)?;
         items.retain(|&item| !self.is_hidden(item));
         Ok(items)

@@ -16,6 +16,7 @@ use super::super::brick_walk::{InBricks, first_voxel, for_each_brick_along};
 use super::super::f64x4::Plain;
 use super::super::ray_box_mask::RayBoxMask;
 use super::VolumeTracer;
+use super::pages::PagedBricks;
 
 /// The nearest result among the boxes along a ray.
 #[derive(Clone, Copy, Debug, PartialEq)]
@@ -46,6 +47,9 @@ impl VolumeTracer {
             }
             (None, _) => {}
         }
+        if let Some(pages) = &self.pages {
+            return self.nearest_in_pages(pages, ray, start, t_max, only, any);
+        }
         let mut search = Search { best: Nearest::Nothing, best_t: t_max, start, t_max, only, any };
         let along = self.boxes.hierarchy().and_then(|h| Some((h, bvh_ray(h, ray, start, t_max)?)));
         let Some((hierarchy, (moved, enter_all))) = along else { return Nearest::Nothing };
@@ -72,20 +76,47 @@ impl VolumeTracer {
         if self.hidden.as_ref().is_some_and(|hidden| hidden.get(label as usize).copied().unwrap_or(true)) {
             return Nearest::Nothing;
         }
-        let mut search =
-            Search { best: Nearest::Nothing, best_t: t_max, start, t_max, only: Some(label), any };
-        for_each_brick_along(Plain, bricks, ray, start, t_max, |brick| {
-            // (A box that reaches into several bricks is walked through again, with the same result.)
-            let of_label =
-                bricks.items_of(brick).iter().filter(|&&i| bricks.label_of(&self.volume, i) == label);
-            for &item in of_label {
-                if search.visit(self, ray, item) {
-                    return f64::NEG_INFINITY;
-                }
-            }
-            search.best_t
+        let mut search = Search::of_label(label, start, t_max, any);
+        for_each_brick_along(Plain, bricks, ray, start, t_max, |_, brick| {
+            search.visit_brick(self, bricks, ray, brick, label)
         });
         search.found(self)
+    }
+
+    /// [`VolumeTracer::nearest`] in pages. The box of a face has its number in the page, which nothing asks for.
+    #[cold]
+    #[inline(never)]
+    fn nearest_in_pages(
+        &self,
+        pages: &PagedBricks,
+        ray: &IndexRay,
+        start: f64,
+        t_max: f64,
+        only: Option<u32>,
+        any: bool,
+    ) -> Nearest {
+        let Some(label) = only else { return self.find_first_in_pages(pages, ray, start, t_max) };
+        let mut search = Search::of_label(label, start, t_max, any);
+        for_each_brick_along(Plain, pages, ray, start, t_max, |page, brick| {
+            search.visit_brick(page.tracer(), page, ray, brick, label)
+        });
+        search.found(self)
+    }
+
+    /// [`VolumeTracer::nearest`] of all labels, in pages. (`KIND` as in [`VolumeTracer::nearest`].)
+    #[inline(always)]
+    pub(in super::super) fn first_in_pages<P: RayBoxMask, const KIND: u8>(
+        &self,
+        by: P,
+        pages: &PagedBricks,
+        ray: &IndexRay,
+        start: f64,
+        t_max: f64,
+    ) -> Nearest {
+        match first_voxel(by, pages, ray, start, t_max) {
+            Some((first, page)) => page.tracer().with_its_box(&page, first),
+            None => Nearest::Nothing,
+        }
     }
 
     /// [`VolumeTracer::nearest`] in bricks, which are visited in order: the first result is the nearest.
@@ -99,7 +130,7 @@ impl VolumeTracer {
         t_max: f64,
     ) -> Nearest {
         match first_voxel(by, bricks, ray, start, t_max) {
-            Some(first) => self.with_its_box(bricks, first),
+            Some((first, _)) => self.with_its_box(bricks, first),
             None => Nearest::Nothing,
         }
     }
@@ -134,6 +165,37 @@ struct Search {
 }
 
 impl Search {
+    fn of_label(label: u32, start: f64, t_max: f64, any: bool) -> Self {
+        Self { best: Nearest::Nothing, best_t: t_max, start, t_max, only: Some(label), any }
+    }
+
+    /// Walks through the boxes of a label that reach into a brick. Returns up to which t others are wanted.
+    fn visit_brick(
+        &mut self,
+        tracer: &VolumeTracer,
+        bricks: &Bricks,
+        ray: &IndexRay,
+        brick: usize,
+        label: u32,
+    ) -> f64 {
+        // (A box that reaches into several bricks is walked through again, with the same result.)
+        for &item in bricks.items_of(brick) {
+            if bricks.label_of(&tracer.volume, item) == label && self.visit(tracer, ray, item) {
+                return f64::NEG_INFINITY;
+            }
+        }
+        self.best_t
+    }
+
+    /// Label of a box; where one is asked for, all boxes have it.
+    #[inline(always)]
+    fn label_of(&self, tracer: &VolumeTracer, item: u32) -> u32 {
+        match self.only {
+            Some(label) => label,
+            None => tracer.label_of(item),
+        }
+    }
+
     /// Walks through a box that is drawn. Returns whether no other box needs to be visited.
     #[inline(always)]
     fn visit(&mut self, tracer: &VolumeTracer, ray: &IndexRay, item: u32) -> bool {
@@ -168,8 +230,8 @@ impl Search {
                     Nearest::Inside { .. } => any,
                     Nearest::Face { step: other, item: other_item, .. } => {
                         step.t < other.t
-                            || (tracer.label_of(item), step.voxel)
-                                < (tracer.label_of(*other_item), other.voxel)
+                            || (self.label_of(tracer, item), step.voxel)
+                                < (self.label_of(tracer, *other_item), other.voxel)
                     }
                 };
                 if wins {
@@ -185,7 +247,9 @@ impl Search {
 
     fn found(self, tracer: &VolumeTracer) -> Nearest {
         match self.best {
-            Nearest::Face { step, item, .. } => Nearest::Face { step, item, label: tracer.label_of(item) },
+            Nearest::Face { step, item, .. } => {
+                Nearest::Face { step, item, label: self.label_of(tracer, item) }
+            }
             other => other,
         }
     }

@@ -57,6 +57,9 @@ impl VolumeTracer {
         instance: u32,
         traced: &TracedInstance,
     ) -> Result<(Self, bool), RenderError> {
+        if self.pages.is_some() {
+            return built(instance, traced, None);
+        }
         let place = |tracer: &Self| tracer.again(instance, traced.world_from_index, traced.lod);
         let (labels, wide) = match &self.widest {
             Some(widest) => (widest.labels.clone(), place(&widest.tracer)?),

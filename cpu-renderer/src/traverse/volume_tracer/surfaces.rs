@@ -1,7 +1,7 @@
 //! Surfaces of a volume: the face through which a ray leaves a label, which of several faces at one place is open, caps where a ray starts
 //! or ends within a label, and the element (voxel, cell or box) that a surface belongs to.
 
-use pumice_core::BoxView;
+use pumice_core::{BoxPlace, BoxView};
 use pumice_transport::geometry::lod::DetailLevel;
 use pumice_transport::geometry::visible_boxes::clipped_end;
 use pumice_transport::geometry::{TIE, each_axis};
@@ -21,21 +21,27 @@ pub(super) enum Left {
     Nowhere,
 }
 
+/// Where a ray leaves a box, or a label within it.
+struct WayOut {
+    step: Crossing,
+    /// Whether the label reached to the end of the box, so that another box may go on with it.
+    left_box: bool,
+    item: u32,
+}
+
 impl VolumeTracer {
     /// The face through which a ray that starts in `voxel` of `label` leaves the label.
-    pub(super) fn leave(&self, ray: &IndexRay, label: u32, mut voxel: [u32; 3], t_max: f64) -> Left {
+    pub(super) fn leave(&self, ray: &IndexRay, label: u32, voxel: [u32; 3], t_max: f64) -> Left {
         let mut t = 0.0f64;
-        let Some(mut item) = self.item_with(label, voxel) else { return Left::Nowhere };
+        let Some(mut way) = self.way_out(ray, label, voxel, t) else { return Left::Nowhere };
         loop {
-            let b = self.box_of(item);
-            let hi = self.clipped_end(&b);
-            let walk = Walk::begin_in(ray, b.origin, hi, t, Some(voxel));
-            let (step, left_box) = walk.last_solid(ray, &b, self.detail.level(b.origin, b.extent));
+            let WayOut { step, left_box, item } = way;
             if step.t >= t_max {
                 return Left::Within;
             }
-            match self.item_with(label, step.voxel).filter(|_| left_box) {
-                Some(next) => (item, voxel, t) = (next, step.voxel, t.max(step.t)),
+            let after = t.max(step.t);
+            match if left_box { self.way_out(ray, label, step.voxel, after) } else { None } {
+                Some(next) => (way, t) = (next, after),
                 None => {
                     let step =
                         if step.tied.is_power_of_two() { step } else { self.face_out(ray, step, label) };
@@ -47,6 +53,18 @@ impl VolumeTracer {
                 }
             }
         }
+    }
+
+    /// Where a ray at scaled `t` in `voxel` leaves the box of `label` there, or the label within it; `None` where there is no such box.
+    fn way_out(&self, ray: &IndexRay, label: u32, voxel: [u32; 3], t: f64) -> Option<WayOut> {
+        if let Some(pages) = &self.pages {
+            return pages.with(voxel)?.tracer().way_out(ray, label, voxel, t);
+        }
+        let item = self.item_with(label, voxel)?;
+        let b = self.box_of(item);
+        let walk = Walk::begin_in(ray, b.origin, self.clipped_end(&b), t, Some(voxel));
+        let (step, left_box) = walk.last_solid(ray, &b, self.detail.level(b.origin, b.extent));
+        Some(WayOut { step, left_box, item })
     }
 
     /// For a hit near an edge of the voxel, where the ray meets several faces at the same t within the walk's precision. Returns the face
@@ -65,7 +83,7 @@ impl VolumeTracer {
             before[a] = if ray.is_down(a) { before[a].wrapping_add(1) } else { before[a].wrapping_sub(1) };
             match only {
                 None => self.label_at(before).is_none(),
-                Some(label) => self.item_with(label, before).is_none(),
+                Some(label) => !self.has(label, before),
             }
         };
         let others = (0..3).map(|a| step.through(a, ray)).filter(|face| {
@@ -82,7 +100,7 @@ impl VolumeTracer {
         let is_open = |&a: &usize| {
             let mut behind = last;
             behind[a] = step.voxel[a];
-            self.item_with(label, behind).is_none()
+            !self.has(label, behind)
         };
         let mut tied = (0..3).filter(|a| step.tied >> a & 1 != 0);
         tied.find(is_open).map_or(step, |a| step.through(a, ray))
@@ -98,6 +116,22 @@ impl VolumeTracer {
             found.is_none()
         });
         found
+    }
+
+    /// Whether a box of `label` has an element at `voxel`.
+    fn has(&self, label: u32, voxel: [u32; 3]) -> bool {
+        match &self.pages {
+            None => self.item_with(label, voxel).is_some(),
+            Some(pages) => pages.with(voxel).is_some_and(|page| page.tracer().has(label, voxel)),
+        }
+    }
+
+    /// Place of the box of `label` that has an element at `voxel`.
+    pub(super) fn place_with(&self, label: u32, voxel: [u32; 3]) -> Option<BoxPlace> {
+        match &self.pages {
+            None => self.item_with(label, voxel).map(|item| self.volume.place_of_box(item as usize)),
+            Some(pages) => pages.with(voxel)?.tracer().place_with(label, voxel),
+        }
     }
 
     /// Calls `visit` with the boxes that may hold `voxel`, until it returns false. No box that holds the voxel is left out.
@@ -153,6 +187,10 @@ impl VolumeTracer {
         let element = match level {
             DetailLevel::Voxels => voxel,
             DetailLevel::Cells => voxel.map(|v| v & !3),
+            // (A box of a page has no number here.)
+            DetailLevel::Boxes if self.pages.is_some() => {
+                self.place_with(label, voxel).map_or(voxel, |place| place.origin)
+            }
             DetailLevel::Boxes => place().origin,
         };
         Hit {
@@ -220,8 +258,7 @@ impl VolumeTracer {
 
     pub(super) fn coarse_element_end(&self, surface: &Surface) -> [u32; 3] {
         let voxel_end = surface.voxel.map(|v| v.saturating_add(1));
-        let Some(item) = self.item_with(surface.label, surface.voxel) else { return voxel_end };
-        let b = self.volume.place_of_box(item as usize);
+        let Some(b) = self.place_with(surface.label, surface.voxel) else { return voxel_end };
         let hi = clipped_end(b.origin, b.extent, self.volume.info().dims);
         match self.detail.level(b.origin, b.extent) {
             DetailLevel::Voxels => voxel_end,

@@ -1,0 +1,44 @@
+//! `pumice merge`
+
+use std::path::PathBuf;
+
+use clap::Args;
+use pumice_session::values::bytes;
+
+use super::CompressionLevel;
+
+/// Join the parts of a volume, made by `pumice compress --chunks`, into a .pumice file
+///
+/// The file has the bytes that compressing the volume at once gives, whatever the parts and their order. Parts of another source or of other
+/// options, chunks that come twice and chunks that are missing are refused by name. One chunk is in memory at a time.
+#[derive(Debug, Args)]
+pub(crate) struct Merge {
+    /// The parts, in any order
+    #[arg(value_name = "PART", required = true)]
+    pub(crate) parts: Vec<PathBuf>,
+    /// The .pumice file to write
+    #[arg(short, long, value_name = "OUT.pumice")]
+    pub(crate) out: PathBuf,
+    /// How much time to spend on a smaller file
+    ///
+    /// `default` copies the chunks of the parts; `fast` decodes them; `small` codes their voxels again, about a CPU second per 10⁸ voxels.
+    #[arg(long, value_enum, default_value_t = CompressionLevel::Default)]
+    pub(crate) level: CompressionLevel,
+    /// Write a report in JSON to this file (- for standard output)
+    #[arg(long, value_name = "REPORT")]
+    pub(crate) json: Option<PathBuf>,
+    /// Number of threads; default: all cores. The result does not depend on it
+    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    pub(crate) threads: Option<u16>,
+    /// Memory to work with, in bytes or with K, M, G, KiB, MiB, GiB (powers of 1024); what does not fit goes to temporary files
+    ///
+    /// Beyond it come one chunk, the table of labels and their contacts.
+    #[arg(long, value_name = "BYTES", value_parser = bytes)]
+    pub(crate) memory_limit: Option<u64>,
+    /// CSV table with the columns id,type: the type of each label
+    #[arg(long, value_name = "TABLE")]
+    pub(crate) types: Option<PathBuf>,
+    /// Table of labels: names, types, colours and columns of numbers, by id; as for `pumice compress`
+    #[arg(long, value_name = "TABLE", conflicts_with = "types")]
+    pub(crate) table: Option<PathBuf>,
+}

@@ -1,0 +1,120 @@
+"""Parts of a volume: some of its chunks, compressed by themselves on any machine, and joined to the file of the whole volume."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Iterable, Mapping, Sequence
+from typing import Any, Unpack
+
+import numpy.typing as npt
+
+from . import _native, arguments
+from .arguments import Choice, Level, Path
+from .checked import checked
+from .errors import InputError
+from .label_table import AnnotationTable
+from .volume import MOST_THREADS, choice_of, described_source, table_of, type_table, warn
+
+Job = _native.Job
+Chunks = str | int | Iterable[int]
+
+
+@checked
+def chunk_count(dims: Sequence[int]) -> int:
+    """Number of chunks of 1024³ voxels of a volume of `dims` voxels along x, y, z. They are numbered from 0 in Morton order of the grid of chunks."""
+    x, y, z = (arguments.whole("dims", size, 0, arguments.MOST_32) for size in dims)
+    return _native.chunk_count((x, y, z))
+
+
+@checked
+def compress_part(
+    source: Path | Any,
+    out: Path,
+    chunks: Chunks,
+    *,
+    fingerprint: str = "",
+    spacing: Sequence[float] | None = None,
+    unit: str = "",
+    world_from_index: npt.ArrayLike | None = None,
+    names: Mapping[int, str] | None = None,
+    memory_limit: int | None = None,
+    threads: int = 0,
+    job: Job | None = None,
+    **choice: Unpack[Choice],
+) -> None:
+    """Compresses some `chunks` of `source` into the part `out`: a number, numbers, or a text such as `"0,4-7"`. Only their voxels are read.
+
+    `source` and the other keywords are as for `compress`; names, types and numbers of a table are given to `merge`. A file is told from others by
+    its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts with others are not merged."""
+    text = _text_of(chunks)
+    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
+    if memory_limit is not None:
+        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    described, read_as = described_source(source, spacing, unit, world_from_index, names, choice_of(source, choice), text)
+    name, told = "", ""
+    if not isinstance(source, (str, os.PathLike)):
+        name, told = "an array", f"{source.dtype} {tuple(source.shape)} {fingerprint}"
+    elif fingerprint:
+        raise InputError("fingerprint: a file is told by its content; only arrays take it")
+    odd = _native.compress_part(
+        described,
+        arguments.path("out", out),
+        chunks=text,
+        source_name=name,
+        fingerprint=told,
+        memory_limit=memory_limit,
+        threads=threads,
+        read_as=read_as,
+        job=job,
+    )
+    warn(odd)
+
+
+@checked
+def merge(
+    parts: Iterable[Path],
+    out: Path,
+    *,
+    level: Level = "default",
+    types: Mapping[int, str] | Path | None = None,
+    table: AnnotationTable | Path | None = None,
+    memory_limit: int | None = None,
+    threads: int = 0,
+    job: Job | None = None,
+) -> dict[str, Any]:
+    """Joins the `parts` of a volume, in any order, to the `.pumice` file `out`: the bytes that `pumice compress` makes of the whole volume. InputError
+    names the part that does not belong to the others, and chunks that are missing or come twice.
+
+    `level` is as for `Volume.save`, `types` and `table` as for `compress`. One chunk is in memory at a time, beside the table of labels. Returns
+    `dims`, and the numbers of `labels`, `boxes` and `bytes_disk`."""
+    if types is not None and table is not None:
+        raise InputError("give types or table, not both")
+    typed = type_table(types)
+    table, told = table_of(table)
+    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
+    if memory_limit is not None:
+        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    if isinstance(parts, (str, bytes, os.PathLike)):
+        raise InputError("parts: expected a list of paths, got one path")
+    written, odd = _native.merge(
+        [arguments.path("parts", part) for part in parts],
+        arguments.path("out", out),
+        level=level,
+        given=typed if table is None else table.native(),
+        memory_limit=memory_limit,
+        threads=threads,
+        job=job,
+    )
+    warn([*told, *odd])
+    outcome: dict[str, Any] = json.loads(written)
+    outcome["dims"] = tuple(outcome["dims"])
+    return outcome
+
+
+def _text_of(chunks: Chunks) -> str:
+    if isinstance(chunks, str):
+        return chunks
+    if isinstance(chunks, Iterable):
+        return ",".join(str(arguments.whole("chunks", number, 0, arguments.MOST_64)) for number in chunks)
+    return str(arguments.whole("chunks", chunks, 0, arguments.MOST_64))

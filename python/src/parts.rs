@@ -1,0 +1,125 @@
+//! Parts of a volume: compressing some of its chunks, and joining parts to the volume's file.
+
+use std::path::PathBuf;
+
+use pumice_core::{
+    ChunkGrid, ChunkSet, CompressOptions, Error as CoreError, Outputs, PartSource, VoxelRegion,
+    compress_part as core_part, merge_parts,
+};
+use pumice_session::{PartRequest, SessionError};
+use pyo3::prelude::*;
+use serde_json::json;
+
+use crate::errors::input;
+use crate::job::{Job, job_of};
+use crate::volume::{Given, ReadAs, Source, level_of, reading, with_source};
+use crate::waiting::released;
+
+fn set_of(chunks: &str) -> PyResult<ChunkSet> {
+    chunks.parse().map_err(|e| input(&format_args!("chunks: {e}")))
+}
+
+/// Number of chunks of a volume of `dims` voxels.
+#[pyfunction]
+pub(crate) fn chunk_count(dims: [u32; 3]) -> u64 {
+    ChunkGrid::new(dims).chunks()
+}
+
+/// First voxel of these chunks along x, y and z, and the one after the last, chunk after chunk.
+#[pyfunction]
+pub(crate) fn chunk_regions(dims: [u32; 3], chunks: &str) -> PyResult<Vec<VoxelRegion>> {
+    let (grid, chunks) = (ChunkGrid::new(dims), set_of(chunks)?);
+    chunks.check(&grid).map_err(|e| input(&e))?;
+    Ok(chunks.iter().filter_map(|number| grid.region(number)).collect())
+}
+
+/// Compresses some chunks of a file, or of blocks that are of these chunks alone, into a part; returns the reader's warnings. `source_name` and
+/// `fingerprint` tell blocks from those of other sources; a file says that itself.
+#[pyfunction]
+#[pyo3(signature = (source, out, *, chunks, source_name, fingerprint, memory_limit=None, threads=0, read_as, job=None))]
+#[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
+pub(crate) fn compress_part(
+    py: Python<'_>,
+    source: Source,
+    out: PathBuf,
+    chunks: &str,
+    source_name: String,
+    fingerprint: String,
+    memory_limit: Option<u64>,
+    threads: usize,
+    read_as: ReadAs,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<Vec<String>> {
+    let job = job_of(job);
+    let (chunks, reading) = (set_of(chunks)?, reading(read_as)?);
+    if let Source::Path(path) = source {
+        let request = PartRequest {
+            input: path,
+            output: out,
+            chunks,
+            reading,
+            threads: (threads > 0).then_some(threads),
+            memory_limit_bytes: memory_limit,
+        };
+        return Ok(released(py, &job, || pumice_session::compress_part_file(&request, &job))?.warnings);
+    }
+    let options = CompressOptions { threads, memory_limit_bytes: memory_limit, ..CompressOptions::default() };
+    let from = PartSource { name: source_name, fingerprint, reading: reading.to_string() };
+    with_source(py, source, &reading, &job, |source| {
+        Ok(core_part(source, &chunks, &from, &out, &options, &job)?)
+    })?;
+    Ok(reading.warnings.list())
+}
+
+/// Joins parts to the volume's file; returns what was written as JSON text, and what of the table does not fit.
+#[pyfunction]
+#[pyo3(signature = (parts, out, *, level="default", given=None, memory_limit=None, threads=0, job=None))]
+#[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
+pub(crate) fn merge(
+    py: Python<'_>,
+    parts: Vec<PathBuf>,
+    out: PathBuf,
+    level: &str,
+    given: Option<Given>,
+    memory_limit: Option<u64>,
+    threads: usize,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<(String, Vec<String>)> {
+    let job = job_of(job);
+    let level = level_of(level)?;
+    let (types, table) = given.as_ref().map_or(Ok((None, None)), Given::parts)?;
+    let options =
+        CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
+    let (written, notes) = released(py, &job, || {
+        let outputs = Outputs::default();
+        outputs.declare(&out)?;
+        parts.iter().try_for_each(|part| outputs.check_input(part))?;
+        let (mut notes, mut failure) = (Vec::new(), None);
+        let mut describe = |volume: &mut pumice_core::CompressedVolume| {
+            let Some(table) = table else { return Ok(()) };
+            match pumice_session::annotate(volume, table, Vec::new()) {
+                Ok(fit) => {
+                    notes = fit.notes;
+                    Ok(())
+                }
+                Err(error) => {
+                    // The error itself is returned below.
+                    failure = Some(error);
+                    Err(CoreError::Cancelled)
+                }
+            }
+        };
+        let written = merge_parts(&parts, &out, level, &options, &mut describe, &job);
+        match failure {
+            Some(error) => Err(error),
+            None => Ok::<_, SessionError>((written?, notes)),
+        }
+    })?;
+    let told = json!({
+        "dims": written.dims,
+        "labels": written.labels,
+        "boxes": written.boxes,
+        "bytes_disk": written.bytes_disk,
+    });
+    Ok((told.to_string(), notes))
+}

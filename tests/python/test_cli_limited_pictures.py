@@ -1,0 +1,101 @@
+"""Tests pictures of volumes that are drawn from disk: the same bits as in memory, a limit that holds, and one line for what cannot be."""
+
+import json
+import re
+
+import numpy as np
+import pytest
+from command import run
+from exr_planes import planes
+
+RENDER = ["render", "--backend", "cpu", "--size", "96x72", "--spp", "9", "--threads", "2"]
+
+
+@pytest.fixture(scope="module")
+def folder(pumice, tmp_path_factory):
+    """`dense.pumice` at three levels: 256 × 192 × 128 voxels, a third of which have one of 300 labels, in cubes of 3³ voxels."""
+    folder = tmp_path_factory.mktemp("volumes")
+    random = np.random.default_rng(7)
+    cubes = random.integers(0, 900, (86, 64, 43), np.uint32)
+    labels = np.kron(np.where(cubes < 301, cubes, 0), np.ones((3, 3, 3), np.uint32))[:256, :192, :128]
+    np.save(folder / "dense.npy", labels)
+    for level in ("fast", "default", "small"):
+        run(pumice, "compress", folder / "dense.npy", "--axes", "xyz", "--level", level, "-o", folder / f"{level}.pumice").fine()
+    return folder
+
+
+def drawn(pumice, folder, *flags, source="fast.pumice", out="a.exr"):
+    """The planes of a picture and the report."""
+    report = folder / "report.json"
+    run(pumice, *RENDER, folder / source, *flags, "-o", folder / out, "--json", report).fine()
+    return planes(folder / out), json.loads(report.read_text())
+
+
+def same(a, b):
+    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
+
+
+@pytest.mark.parametrize("level", ["fast", "default", "small"])
+def test_a_picture_from_disk_has_the_same_bits(pumice, folder, level):
+    whole, report = drawn(pumice, folder, source=f"{level}.pumice")
+    assert "pages" not in report
+    paged, report = drawn(pumice, folder, "--memory-limit", "1G", source=f"{level}.pumice")
+    assert same(whole, paged)
+    assert 0 < report["pages"]["loads"] <= report["pages"]["pages"] == 4 * 3 * 2
+    # A control of the comparison: another seed gives other bits.
+    assert not same(whole, drawn(pumice, folder, "--seed", "1")[0])
+
+
+def test_the_least_limit_holds_and_is_named(pumice, folder):
+    whole, _ = drawn(pumice, folder)
+    line = run(pumice, *RENDER, folder / "fast.pumice", "--memory-limit", "1000", "-o", folder / "no.exr").refused()
+    found = re.fullmatch(r"pumice: memory limit: 1000 bytes are too few, (\d+) are needed: .* for tables, and .* for what 3 threads load and use at once", line)
+    assert found, line
+    assert not (folder / "no.exr").exists()
+    paged, report = drawn(pumice, folder, "--memory-limit", found[1])
+    assert same(whole, paged)
+    pages = report["pages"]
+    assert pages["most_bytes"] <= int(found[1]) == pages["limit_bytes"] and pages["bytes_of_all"] > 0
+
+
+def test_levels_labels_and_cuts_are_drawn_from_disk_too(pumice, folder):
+    for flags in (["--lod", "4"], ["--lod", "16"], ["--labels", "5,7,9"], ["--cut", "x=0.5"], ["--query", "voxels > 1000", "--mode", "ao"]):
+        whole, _ = drawn(pumice, folder, *flags)
+        assert same(whole, drawn(pumice, folder, *flags, "--memory-limit", "1G")[0]), flags
+
+
+@pytest.mark.parametrize("value", ["0", "NaN", "-1", "1.5G", "much"])
+def test_a_limit_that_is_no_amount_is_refused(pumice, folder, value):
+    assert "--memory-limit" in run(pumice, *RENDER, folder / "fast.pumice", f"--memory-limit={value}", "-o", folder / "no.exr").err
+
+
+@pytest.mark.parametrize(
+    ("flags", "names"),
+    [
+        (["--lod", "auto"], "--lod auto"),
+        (["--smooth"], "smooth"),
+    ],
+)
+def test_what_needs_everything_in_memory_is_refused(pumice, folder, flags, names):
+    line = run(pumice, *RENDER, folder / "fast.pumice", *flags, "--memory-limit", "1G", "-o", folder / "no.exr").problems
+    assert line and names in line[0], line
+    assert not (folder / "no.exr").exists()
+
+
+def test_other_formats_are_to_be_compressed_first(pumice, folder):
+    line = run(pumice, *RENDER, folder / "dense.npy", "--axes", "xyz", "--memory-limit", "1G", "-o", folder / "no.exr").refused()
+    assert "dense.npy is not a .pumice file" in line and "compress it first" in line
+
+
+def test_damage_and_a_missing_folder_for_pages_are_one_line(pumice, folder, tmp_path):
+    whole = (folder / "fast.pumice").read_bytes()
+    cut, changed = tmp_path / "cut.pumice", tmp_path / "changed.pumice"
+    cut.write_bytes(whole[:-4096])
+    changed.write_bytes(whole[:-5000] + bytes([whole[-5000] ^ 1]) + whole[-4999:])
+    for path in (cut, changed, tmp_path / "missing.pumice"):
+        line = run(pumice, *RENDER, path, "--memory-limit", "1G", "-o", tmp_path / "no.exr").refused()
+        assert path.name in line, line
+    nowhere = {"TMPDIR": str(tmp_path / "nowhere")}
+    line = run(pumice, *RENDER, folder / "fast.pumice", "--memory-limit", "1G", "-o", tmp_path / "no.exr", env=nowhere).refused()
+    assert "nowhere" in line, line
+    assert not (tmp_path / "no.exr").exists()

@@ -1,0 +1,215 @@
+"""Parts of a volume through the command: merged, they are the bytes of the whole volume, whatever the source, the partition and the order; what is
+interrupted goes on. Negative controls: parts that do not belong together, damaged parts, sources that changed."""
+
+import gzip
+import json
+import os
+import random
+import resource
+import shutil
+import signal
+import time
+
+import numpy as np
+import pytest
+import zarr
+from command import run
+
+# Chunks 3 × 2 × 1; the last along x and y are a few voxels wide.
+SHAPE = (2053, 1030, 6)
+
+
+@pytest.fixture(scope="module")
+def labels():
+    """Labels that cross all faces of chunks, with ids beyond 2³², and one chunk with none."""
+    x, y, z = np.ogrid[: SHAPE[0], : SHAPE[1], : SHAPE[2]]
+    ids = ((x // 41 + y // 23 + z // 3) % 7).astype(np.uint64) * np.uint64(1_234_567_891_011)
+    ids[1020:1030, :, :] = (y % 5 + 3)[0, :, :]
+    ids[2048:, :1024, :] = 0
+    return ids
+
+
+@pytest.fixture(scope="module")
+def sources(labels, tmp_path_factory):
+    """The same volume in a store, in a file whose voxels lie open, along z and along x, and in a stream."""
+    folder = tmp_path_factory.mktemp("sources")
+    store = zarr.create_array(folder / "a.zarr", shape=SHAPE, dtype="u8", chunks=(300, 256, 6))
+    store[:] = labels
+    np.save(folder / "c.npy", labels)
+    np.save(folder / "f.npy", np.asfortranarray(labels))
+    raw = labels.tobytes(order="F")
+    (folder / "a.raw.gz").write_bytes(gzip.compress(raw, 1))
+    gz = ["--raw-dims", ",".join(map(str, SHAPE)), "--raw-type", "u64"]
+    return {
+        "store": [folder / "a.zarr", "--axes", "xyz"],
+        "layers across x": [folder / "c.npy", "--axes", "xyz"],
+        "layers across z": [folder / "f.npy", "--axes", "xyz"],
+        "stream": [folder / "a.raw.gz", *gz],
+    }
+
+
+@pytest.fixture(scope="module")
+def whole(pumice, sources, tmp_path_factory):
+    """The bytes of the file at each level, made at once."""
+    folder = tmp_path_factory.mktemp("whole")
+
+    def at(level):
+        out = folder / f"{level}.pumice"
+        if not out.exists():
+            run(pumice, "compress", *sources["store"], "--level", level, "-o", out).fine()
+        return out.read_bytes()
+
+    return at
+
+
+@pytest.mark.parametrize("kind", ["store", "layers across x", "layers across z", "stream"])
+def test_merged_parts_are_the_whole_volume(pumice, sources, whole, tmp_path, kind):
+    parts = []
+    for chunks in ("0,5", "4", "1-3"):
+        parts.append(tmp_path / f"{chunks}.part")
+        said = run(pumice, "compress", *sources[kind], "--chunks", chunks, "-o", parts[-1]).fine()
+        assert f"chunks {chunks} of 6" in said
+    for level in ("default", "fast", "small") if kind == "store" else ("default",):
+        out = tmp_path / f"{level}.pumice"
+        report = json.loads(run(pumice, "merge", *parts[::-1], "--level", level, "-o", out, "--json", "-").fine())
+        assert out.read_bytes() == whole(level)
+        assert report["bytes_disk"] == out.stat().st_size and report["dims"] == list(SHAPE)
+
+
+def test_parts_that_do_not_belong_together_are_refused(pumice, sources, labels, tmp_path):
+    source = sources["store"]
+    paths = {name: tmp_path / name for name in ("all", "zero", "rest", "other", "roi")}
+    for name, chunks in (("all", "0-5"), ("zero", "0"), ("rest", "1-5")):
+        run(pumice, "compress", *source, "--chunks", chunks, "-o", paths[name]).fine()
+    changed = labels.copy()
+    changed[5, 5, 5] += 1
+    np.save(tmp_path / "other.npy", changed)
+    run(pumice, "compress", tmp_path / "other.npy", "--axes", "xyz", "--chunks", "1-5", "-o", paths["other"]).fine()
+    run(pumice, "compress", *source, "--roi", ":,:,:5", "--chunks", "1-5", "-o", paths["roi"]).fine()
+    out = tmp_path / "out.pumice"
+
+    def refused(*names):
+        line = run(pumice, "merge", *(paths[name] for name in names), "-o", out).refused()
+        assert not out.exists()
+        return line
+
+    assert "lack 5 of the volume's 6 chunks: 1-5" in refused("zero")
+    assert "both have chunk 0" in refused("all", "zero")
+    assert "another source" in refused("zero", "other")
+    assert "expected 2053 × 1030 × 6 voxels, got 2053 × 1030 × 5" in refused("zero", "roi")
+    run(pumice, "merge", paths["rest"], paths["zero"], "-o", out).fine()
+    # A part is no volume.
+    assert "pumice merge" in run(pumice, "info", paths["zero"]).refused()
+    assert "pumice merge" in run(pumice, "decompress", paths["zero"], "-o", tmp_path / "x.npy").refused()
+    assert "expected a part" in run(pumice, "merge", out, "-o", tmp_path / "again.pumice").refused()
+    # An output is no input.
+    before = paths["zero"].read_bytes()
+    run(pumice, "merge", paths["zero"], paths["rest"], "-o", paths["zero"]).refused()
+    assert paths["zero"].read_bytes() == before
+
+
+@pytest.mark.parametrize(
+    ("more", "why"),
+    [
+        (["--chunks", "6"], "expected numbers from 0 to 5 (3 × 2 × 1 chunks"),
+        (["--chunks", "3-1"], "expected numbers of chunks such as"),
+        (["--chunks", "1,0-2"], "chunk 1 comes twice"),
+        (["--chunks", "0", "--level", "small"], "--level"),
+        (["--chunks", "0", "--resume"], "--resume"),
+        (["--resume", "--restart"], "--restart"),
+    ],
+)
+def test_bad_requests_are_refused(pumice, sources, tmp_path, more, why):
+    out = tmp_path / "out"
+    assert why in run(pumice, "compress", *sources["store"], "-o", out, *more).refused()
+    assert not any(tmp_path.iterdir())
+
+
+def test_damaged_parts_are_refused(pumice, sources, tmp_path):
+    good, bad, out = (tmp_path / name for name in ("good", "bad", "out.pumice"))
+    run(pumice, "compress", *sources["store"], "--chunks", "0", "-o", good).fine()
+    run(pumice, "compress", *sources["store"], "--chunks", "1-5", "-o", bad).fine()
+    data = bad.read_bytes()
+    rng = random.Random(5)
+    for damaged in [b"", data[:50], data[: len(data) // 2], data[:-8], *(data[:at] + bytes([data[at] ^ 255]) + data[at + 1 :] for at in rng.sample(range(64, len(data) - 64), 6))]:
+        bad.write_bytes(damaged)
+        done = run(pumice, "merge", good, bad, "-o", out)
+        # A byte between two sections decides nothing.
+        assert done.code == 0 or "bad: " in done.refused()
+        assert done.code == 0 or not out.exists()
+
+
+def interrupted(pumice, args, moment, how):
+    """Runs the command and ends it after so many seconds."""
+
+    def end(process):
+        time.sleep(moment)
+        process.send_signal(how)
+
+    return run(pumice, *args, meanwhile=end)
+
+
+def goes_on(pumice, args, out, expected, moments, how):
+    """Ends the command at each of some moments, then lets it go on to its end; the bytes are those of a run that was not interrupted."""
+    for moment in moments:
+        shutil.rmtree(f"{out}.parts", ignore_errors=True)
+        out.unlink(missing_ok=True)
+        done = interrupted(pumice, [*args, "--resume"], moment, how)
+        if done.code != 0:
+            assert not out.exists()
+            if how == signal.SIGINT and "kept in" in done.err:
+                done.cancelled()
+        run(pumice, *args, "--resume").fine()
+        assert out.read_bytes() == expected, moment
+        # A process that was killed may leave the file that it was writing.
+        assert sorted(p.name for p in out.parent.iterdir() if not p.name.startswith(".pumice-")) == [out.name]
+
+
+@pytest.mark.parametrize("kind", ["store", "layers across x"])
+def test_what_is_killed_goes_on(pumice, sources, whole, tmp_path, kind):
+    out = tmp_path / "out.pumice"
+    args = ["compress", *sources[kind], "--threads", "1", "-o", out]
+    start = time.monotonic()
+    run(pumice, *args, "--resume").fine()
+    assert out.read_bytes() == whole("default") and not os.path.exists(f"{out}.parts")
+    took = time.monotonic() - start
+    goes_on(pumice, args, out, whole("default"), [0.6 * took], signal.SIGKILL)
+    goes_on(pumice, args, out, whole("default"), [0.4 * took], signal.SIGINT)
+
+
+@pytest.mark.full
+def test_what_is_killed_at_any_moment_goes_on(pumice, sources, whole, tmp_path):
+    out = tmp_path / "out.pumice"
+    args = ["compress", *sources["store"], "--threads", "1", "-o", out]
+    start = time.monotonic()
+    run(pumice, *args, "--resume").fine()
+    took = time.monotonic() - start
+    rng = random.Random(11)
+    goes_on(pumice, args, out, whole("default"), [took * rng.uniform(0, 1.1) for _ in range(50)], signal.SIGKILL)
+
+
+def test_leftovers_are_named_and_another_source_is_refused(pumice, labels, whole, tmp_path):
+    source, out = tmp_path / "a.npy", tmp_path / "out.pumice"
+    np.save(source, labels)
+    args = ["compress", source, "--axes", "xyz", "-o", out]
+    parts = tmp_path / "out.pumice.parts"
+    # The second part does not fit on the disk: a limit on the size of files stands for it.
+    done = run(pumice, *args, "--threads", "1", "--resume", file_size_limit=20_000)
+    assert "parts are kept in" in done.refused() and not out.exists()
+    assert (parts / "manifest.json").exists() and not [p for p in parts.iterdir() if p.name.startswith(".pumice-")]
+    assert "--resume goes on" in run(pumice, *args).refused()
+    assert "other options" in run(pumice, *args, "--roi", ":,:,1:", "--resume").refused()
+    stamp = source.stat().st_mtime_ns
+    os.utime(source, ns=(stamp, stamp + 10**9))
+    assert "has changed since" in run(pumice, *args, "--resume").refused()
+    # What somebody else put there is not removed.
+    (parts / "notes.txt").write_text("mine")
+    assert "notes.txt" in run(pumice, *args, "--restart").refused()
+    (parts / "notes.txt").unlink()
+    run(pumice, *args, "--restart").fine()
+    assert out.read_bytes() == whole("default") and not parts.exists()
+
+
+def test_a_stream_is_not_resumed(pumice, sources, tmp_path):
+    line = run(pumice, "compress", *sources["stream"], "-o", tmp_path / "out.pumice", "--resume").refused()
+    assert "can only be read from its beginning" in line and not any(tmp_path.iterdir())
