@@ -87,6 +87,17 @@ pub struct CompressedVolume {
     pub(crate) hash: OnceLock<u128>,
     /// Whether each label's boxes are held, by dense index; `None` where all labels were read.
     pub(crate) held: Option<Vec<bool>>,
+    /// The frame of a time series that the volume is.
+    pub(crate) frame: Option<FrameOf>,
+}
+
+/// Which frame of how many of a time series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameOf {
+    /// The frame, counted from 0.
+    pub number: u32,
+    /// Number of frames of the series.
+    pub frames: u32,
 }
 
 impl CompressedVolume {
@@ -103,6 +114,7 @@ impl CompressedVolume {
             grid: OnceLock::new(),
             hash: OnceLock::new(),
             held: None,
+            frame: None,
         }
     }
 
@@ -110,6 +122,12 @@ impl CompressedVolume {
     #[inline]
     pub fn holds(&self, label: u32) -> bool {
         self.held.as_ref().is_none_or(|held| held.get(label as usize).is_some_and(|&h| h))
+    }
+
+    /// The frame of a time series that the volume is; `None` of other volumes. Its table has the labels of all frames, with the voxels that
+    /// each has at this frame, which may be none, and with all pairs that touch at some frame.
+    pub fn frame(&self) -> Option<FrameOf> {
+        self.frame
     }
 
     /// Whether the volume holds all labels of its table.

@@ -18,15 +18,16 @@ use super::nodes::{REFERENCES, Splitter};
 use super::slices::SLAB;
 use super::voxel_coder::VoxelEncoder;
 use super::voxel_pieces::piece_dims;
-use super::write::{Filters, PLAIN, head_sections};
+use super::write::{Filters, Frames, PLAIN, head_sections};
 use crate::chunk_boxes::ChunkBoxes;
-use crate::chunk_nodes::ChunkNodes;
+use crate::chunk_nodes::{ChunkNodes, NodeWriter};
+use crate::content_hash::of_frames;
 use crate::finish::{Budget, ChunkSink, Finished, Known, finish};
-use crate::layers::SIDE;
+use crate::layers::{Layers, SIDE};
 use crate::reserve::{make_room, zeroed};
 use crate::spool::{Scratch, Spool};
 use crate::store::StoredParts;
-use crate::{Chunk, CompressedVolume, CompressionLevel, Error, Job, Result, VolumeInfo, WrittenFile};
+use crate::{Chunk, CompressedVolume, CompressionLevel, Error, Job, Leaves, Result, VolumeInfo, WrittenFile};
 
 /// What was written, and what it takes in memory once it is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -35,9 +36,11 @@ pub struct WrittenVolume {
     pub dims: [u32; 3],
     /// Number of labels, without the background.
     pub labels: u64,
-    /// Number of boxes.
+    /// Number of frames: 1, or those of a time series.
+    pub frames: u32,
+    /// Number of boxes, of all frames.
     pub boxes: u64,
-    /// Bytes of the volume in memory.
+    /// Bytes of the volume in memory; of a time series, of all frames together.
     pub bytes_volume: u64,
     /// Bytes of the file.
     pub bytes_disk: u64,
@@ -57,6 +60,10 @@ struct FileSink<'a> {
     boxes: Spool<'a>,
     nodes: Spool<'a>,
     chunks: Vec<Chunk>,
+    /// The frame of each of `chunks`.
+    frames: Vec<u32>,
+    /// Whether there are several frames.
+    is_series: bool,
     boxes_so_far: u64,
     runs_so_far: u64,
     words: u64,
@@ -125,14 +132,64 @@ impl<'a> FileSink<'a> {
         self.pad()
     }
 
+    /// Writes the boxes of the next frame, and the nodes that they are the first to use, as streams.
+    fn streams(
+        &mut self,
+        boxes: &ChunkBoxes<'_>,
+        writer: &mut NodeWriter<'_>,
+        leaves: &Leaves,
+        job: &Job,
+    ) -> Result<()> {
+        let (scratch, room) = (self.scratch, self.stream_bytes);
+        let spool = || Spool::new(scratch, room);
+        let mut cells: Vec<u8> = Vec::new();
+        let [mut backs, mut occupied, mut classes] = [spool(), spool(), spool()];
+        let mut references = [spool(), spool(), spool()];
+        let mut splitter = Splitter::default();
+        writer.frame(boxes, job, |batch| {
+            make_room(&mut cells, 3 * batch.records.len(), "a list of the boxes of the volume")?;
+            splitter.cells(batch.records, &mut cells);
+            backs.write(bytemuck::cast_slice(batch.backs))?;
+            splitter.nodes(batch.nodes, leaves);
+            occupied.write(&std::mem::take(&mut splitter.occupied))?;
+            classes.write(&splitter.take_classes())?;
+            let written = splitter.references.iter_mut().zip(&mut references);
+            written.into_iter().try_for_each(|(bytes, spool)| spool.write(&std::mem::take(bytes)))
+        })?;
+        classes.write(&splitter.last_classes())?;
+        self.section(*b"BCEL", &cells, (3, true, true), job)?;
+        drop(cells);
+        for (name, spool) in [(*b"BNOD", &backs), (*b"OCCU", &occupied), (*b"CLAS", &classes)] {
+            self.long_section(name, spool, job)?;
+        }
+        for (name, spool) in REFERENCES.into_iter().zip(&references) {
+            self.long_section(*name, spool, job)?;
+        }
+        Ok(())
+    }
+
+    /// Begins a chunk at a frame, to which the next sections belong. Its nodes begin at this word.
+    fn begin(&mut self, boxes: &ChunkBoxes<'_>, node_base: u64) -> Result<()> {
+        make_room(&mut self.chunks, 1, "a list of the chunks")?;
+        self.chunks.push(Chunk {
+            origin: boxes.cell.map(|c| 4 * c),
+            first_box: self.boxes_so_far,
+            first_run: self.runs_so_far,
+            node_base,
+        });
+        make_room(&mut self.frames, 1, "a list of the chunks")?;
+        self.frames.push(boxes.frame);
+        Ok(())
+    }
+
     /// The stream of a chunk's voxels.
-    fn voxels(&self, origin: [u32; 3], boxes: &ChunkBoxes<'_>, job: &Job) -> Result<Vec<u8>> {
+    fn voxels(&self, origin: [u32; 3], layers: &Layers<'_>, job: &Job) -> Result<Vec<u8>> {
         let [w, h, d] = piece_dims(self.dims, origin).map(|n| n as usize);
         let mut encoder = VoxelEncoder::new([w, h], self.labels);
         let mut slab: Vec<u32> = zeroed(w * h * SLAB, "the voxels of a slab")?;
         for z in (0..d).step_by(SLAB) {
             job.check()?;
-            let layer = boxes.layers.load(z / SLAB)?;
+            let layer = layers.load(z / SLAB)?;
             slab.fill(0);
             for position in 0..if layer.is_empty() { 0 } else { SIDE * SIDE } {
                 for &(label, mut mask) in layer.at(position) {
@@ -151,70 +208,50 @@ impl<'a> FileSink<'a> {
 }
 
 impl ChunkSink for FileSink<'_> {
-    fn chunk(&mut self, boxes: &ChunkBoxes<'_>, budget: &Budget, job: &Job) -> Result<()> {
-        let origin = boxes.cell.map(|c| 4 * c);
-        make_room(&mut self.chunks, 1, "a list of the chunks")?;
-        self.chunks.push(Chunk {
-            origin,
-            first_box: self.boxes_so_far,
-            first_run: self.runs_so_far,
-            node_base: self.words,
-        });
+    fn layers(&mut self, boxes: &ChunkBoxes<'_>, layers: &Layers<'_>, job: &Job) -> Result<()> {
         if self.level == CompressionLevel::Small {
-            let voxels = self.voxels(origin, boxes, job)?;
+            self.begin(boxes, self.words)?;
+            let voxels = self.voxels(boxes.cell.map(|c| 4 * c), layers, job)?;
             self.section(*b"VOXL", &voxels, PLAIN, job)?;
         }
-        let chunk = ChunkNodes::new(boxes, budget, job)?;
-        if self.level != CompressionLevel::Small {
-            let (leaves, runs) = (&chunk.leaves, &boxes.runs[..]);
-            self.section(*b"RUNS", bytemuck::cast_slice(runs), (8, true, true), job)?;
-            self.section(*b"LEAF", bytemuck::cast_slice(leaves.patterns()), (8, false, true), job)?;
-            self.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
-            self.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)?;
-        }
-        self.boxes_so_far += u64::from(boxes.count);
-        self.runs_so_far += boxes.runs.len() as u64;
-        self.leaves_bytes += chunk.leaves.bytes();
-        let Self { boxes: plain_boxes, nodes: plain_nodes, level, .. } = self;
-        match level {
-            CompressionLevel::Small => self.words += chunk.for_each_batch(job, |_| Ok(()))?,
-            CompressionLevel::Fast => {
-                let words = chunk.for_each_batch(job, |batch| {
+        Ok(())
+    }
+
+    fn chunk(&mut self, frames: &[ChunkBoxes<'_>], budget: &Budget, job: &Job) -> Result<()> {
+        let chunk = ChunkNodes::new(frames, budget, job)?;
+        let mut writer = chunk.writer()?;
+        let node_base = self.words;
+        for (i, boxes) in frames.iter().enumerate() {
+            if self.level != CompressionLevel::Small {
+                self.begin(boxes, node_base)?;
+                let runs = &boxes.runs[..];
+                self.section(*b"RUNS", bytemuck::cast_slice(runs), (8, true, true), job)?;
+                if self.is_series {
+                    let voxels = bytemuck::cast_slice(&boxes.run_voxels);
+                    self.section(*b"RVOX", voxels, (8, false, true), job)?;
+                }
+                // All frames of a chunk have the leaves of the first.
+                if i == 0 {
+                    let leaves = &chunk.leaves;
+                    self.section(*b"LEAF", bytemuck::cast_slice(leaves.patterns()), (8, false, true), job)?;
+                    self.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
+                    self.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)?;
+                }
+            }
+            self.boxes_so_far += u64::from(boxes.count);
+            self.runs_so_far += boxes.runs.len() as u64;
+            let Self { boxes: plain_boxes, nodes: plain_nodes, level, .. } = self;
+            match level {
+                CompressionLevel::Small => writer.frame(boxes, job, |_| Ok(()))?,
+                CompressionLevel::Fast => writer.frame(boxes, job, |batch| {
                     plain_boxes.write(bytemuck::cast_slice(batch.records))?;
                     plain_nodes.write(bytemuck::cast_slice(batch.nodes))
-                })?;
-                self.words += words;
-            }
-            CompressionLevel::Default => {
-                let scratch = self.scratch;
-                let room = self.stream_bytes;
-                let spool = || Spool::new(scratch, room);
-                let mut cells: Vec<u8> = Vec::new();
-                let [mut backs, mut occupied, mut classes] = [spool(), spool(), spool()];
-                let mut references = [spool(), spool(), spool()];
-                let mut splitter = Splitter::default();
-                let words = chunk.for_each_batch(job, |batch| {
-                    make_room(&mut cells, 3 * batch.records.len(), "a list of the boxes of the volume")?;
-                    splitter.cells(batch.records, &mut cells);
-                    backs.write(bytemuck::cast_slice(batch.backs))?;
-                    splitter.nodes(batch.nodes, &chunk.leaves);
-                    occupied.write(&std::mem::take(&mut splitter.occupied))?;
-                    classes.write(&splitter.take_classes())?;
-                    let written = splitter.references.iter_mut().zip(&mut references);
-                    written.into_iter().try_for_each(|(bytes, spool)| spool.write(&std::mem::take(bytes)))
-                })?;
-                classes.write(&splitter.last_classes())?;
-                self.words += words;
-                self.section(*b"BCEL", &cells, (3, true, true), job)?;
-                drop(cells);
-                for (name, spool) in [(*b"BNOD", &backs), (*b"OCCU", &occupied), (*b"CLAS", &classes)] {
-                    self.long_section(name, spool, job)?;
-                }
-                for (name, spool) in REFERENCES.into_iter().zip(&references) {
-                    self.long_section(*name, spool, job)?;
-                }
+                })?,
+                CompressionLevel::Default => self.streams(boxes, &mut writer, &chunk.leaves, job)?,
             }
         }
+        self.words += writer.words;
+        self.leaves_bytes += chunk.leaves.bytes();
         Ok(())
     }
 }
@@ -249,6 +286,8 @@ pub(crate) fn finish_into_file(
             boxes: spool(),
             nodes: spool(),
             chunks: Vec::new(),
+            frames: Vec::new(),
+            is_series: parts.frames > 1,
             boxes_so_far: 0,
             runs_so_far: 0,
             words: 0,
@@ -257,18 +296,23 @@ pub(crate) fn finish_into_file(
             stream_bytes: budget.share(64),
         };
         let mut volume = CompressedVolume::empty(info);
-        let Finished { labels, content_hash } =
+        let frames = parts.frames;
+        let Finished { labels, content_hashes } =
             finish(volume.info.dims, parts, known, budget, &mut sink, job)?;
         volume.labels = labels;
         describe(&mut volume)?;
-        let FileSink { body, mut entries, boxes, nodes, mut chunks, .. } = sink;
+        let FileSink { body, mut entries, boxes, nodes, mut chunks, frames: of_chunk, .. } = sink;
         let FileSink { boxes_so_far, runs_so_far, words, leaves_bytes, .. } = sink;
         chunks.shrink_to_fit();
         volume.chunks = chunks;
 
         // The sections of the volume, then its boxes and nodes in the plain form, then those of the chunks.
         let mut head: Vec<(Entry, Vec<u8>)> = Vec::new();
-        for (name, bytes, filters) in head_sections(&volume, level)? {
+        let (content_hash, series) = match content_hashes[..] {
+            [of_volume] => (of_volume, None),
+            _ => (of_frames(&content_hashes), Some(Frames { of_chunk, content_hashes })),
+        };
+        for (name, bytes, filters) in head_sections(&volume, level, series.as_ref())? {
             let encoding = super::write::encoding_of(name, filters, level);
             let stored = codec::encode(&bytes, encoding, level.zstd(), job)?;
             head.push((Entry::of_stored(name, None, encoding, &stored, bytes.len() as u64), stored));
@@ -303,7 +347,7 @@ pub(crate) fn finish_into_file(
         let contents = if level == CompressionLevel::Small { Contents::Voxels } else { Contents::Boxes };
         let table: Vec<Entry> =
             head.iter().map(|(e, _)| *e).chain(arrays.iter().map(|(e, _)| *e)).chain(entries).collect();
-        let layout = Layout { contents, file_bytes: align(end), content_hash, entries: table };
+        let layout = Layout { contents, frames, file_bytes: align(end), content_hash, entries: table };
 
         let mut written = 0u64;
         let mut put = |bytes: &[u8]| -> Result<()> {
@@ -333,6 +377,7 @@ pub(crate) fn finish_into_file(
         written_volume = Some(WrittenVolume {
             dims: volume.info.dims,
             labels: volume.labels.len() as u64,
+            frames,
             boxes: boxes_so_far,
             bytes_volume: arrays + rest,
             bytes_disk: layout.file_bytes,

@@ -17,6 +17,7 @@
 //! | `voxel_coder`, `voxel_pieces` | converts the voxels of one piece to a bit stream, and back; converts a volume to pieces, and back |
 //! | `check` | every invariant of a volume that comes from outside |
 //! | `write`, `read`, `label_subset` | writes a volume to a file, reads it from a file, and reads only some labels of a file |
+//! | `series`, `pick` | reads one frame of a time series; reads some boxes of a chunk with their nodes |
 //! | `file_sink` | writes a volume to a file while it is compressed |
 //!
 //! A volume is written to a temporary file in the same folder, synced, then renamed, so a killed process never leaves an incomplete file
@@ -51,8 +52,10 @@ mod label_subset;
 mod layout;
 mod neighbours;
 mod nodes;
+mod pick;
 mod read;
 mod sections;
+mod series;
 mod size_limits;
 mod slices;
 mod sse2;
@@ -67,4 +70,5 @@ pub(crate) use file_sink::finish_into_file;
 
 pub use file_sink::WrittenVolume;
 pub use layout::MAGIC;
+pub use series::{Series, frames_in_file};
 pub use write::CompressionLevel;
