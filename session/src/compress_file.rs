@@ -3,21 +3,24 @@
 use std::path::{Path, PathBuf};
 
 use pumice_core::{
-    CompressOptions, CompressedVolume, CompressionLevel, Job, Outputs, TypeTable, Verification,
-    compress_to_file, read_input,
+    CompressOptions, CompressedVolume, CompressionLevel, Job, Outputs, Series, SeriesSource, TypeTable,
+    Verification, compress_series_to_file, compress_to_file, frames_in_file, read_input,
 };
-use pumice_formats::OpenOptions;
+use pumice_formats::{OpenOptions, TimeSteps, is_pattern, open_series};
 use serde::Serialize;
 
 use crate::error::{Result, SessionError, io};
 use crate::label_files::{TableFit, annotate, read_table};
 use crate::measure::Stopwatch;
+use crate::open::{Residence, open_volume};
 
 /// Input, output and options of [`compress_file`].
 #[derive(Clone, Debug)]
 pub struct CompressRequest {
-    /// Label volume.
-    pub input: PathBuf,
+    /// Label volume; several files, or a name with `{t}` in place of a number, are the frames of a time series.
+    pub inputs: Vec<PathBuf>,
+    /// Which time steps of the input become frames of one file; `None` where the input is one volume, or all of a series of files.
+    pub time_steps: Option<TimeSteps>,
     /// The `.pumice` file.
     pub output: PathBuf,
     /// How to read the input.
@@ -43,11 +46,14 @@ pub struct CompressOutcome {
     pub cpu_seconds: f64,
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
+    /// Number of frames of a time series; `None` where the file has one volume.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_steps: Option<u32>,
     /// Number of labels, without the background.
     pub labels: u64,
-    /// Number of boxes.
+    /// Number of boxes, of all frames.
     pub boxes: u64,
-    /// Size of the raw volume at four bytes per voxel.
+    /// Size of the raw volume, with all frames, at four bytes per voxel.
     pub bytes_raw: u64,
     /// Bytes of the file.
     pub bytes_disk: u64,
@@ -72,7 +78,7 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
     request.types.iter().chain(&request.table).try_for_each(|table| outputs.check_input(table))?;
     let types = request.types.as_deref().map(read_types).transpose()?;
     let table = request.table.as_deref().map(read_table).transpose()?;
-    let mut source = pumice_formats::open(&request.input, &request.reading)?;
+    let series = open_series(&request.inputs, request.time_steps, &request.reading)?;
     let options = CompressOptions {
         threads: request.threads.unwrap_or(0),
         memory_limit_bytes: request.memory_limit_bytes,
@@ -95,14 +101,24 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
             }
         }
     };
-    let written =
-        compress_to_file(source.as_mut(), &request.output, request.level, &options, &mut describe, job);
+    let (to, level) = (&request.output, request.level);
+    let written = match (series, request.inputs.first()) {
+        (Some(mut series), _) => {
+            compress_series_to_file(&mut series, to, level, &options, &mut describe, job)
+        }
+        (None, Some(input)) => {
+            let mut source = pumice_formats::open(input, &request.reading)?;
+            compress_to_file(source.as_mut(), to, level, &options, &mut describe, job)
+        }
+        (None, None) => return Err(SessionError::Caller("expected a label volume, got none".into())),
+    };
     if let Some(error) = failure {
         return Err(error);
     }
     let written = written.map_err(|e| match e {
         pumice_core::Error::Limit { what, limit, got } if Some(limit) == request.memory_limit_bytes => {
-            let (input, what) = (request.input.display(), what.replacen(" of memory", "", 1));
+            let input = request.inputs.first().map_or_else(String::new, |input| input.display().to_string());
+            let what = what.replacen(" of memory", "", 1);
             SessionError::Caller(format!(
                 "{input}: --memory-limit {limit} is too small: {got} {what} are needed"
             ))
@@ -113,9 +129,13 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
         seconds: clock.seconds(),
         cpu_seconds: clock.cpu_seconds(),
         dims: written.dims,
+        time_steps: (written.frames > 1).then_some(written.frames),
         labels: written.labels,
         boxes: written.boxes,
-        bytes_raw: written.dims.iter().fold(4, |bytes: u64, &d| bytes.saturating_mul(d.into())),
+        bytes_raw: written
+            .dims
+            .iter()
+            .fold(4 * u64::from(written.frames), |bytes, &d| bytes.saturating_mul(d.into())),
         bytes_disk: written.bytes_disk,
         bytes_volume: written.bytes_volume,
         warnings: request.reading.warnings.list(),
@@ -123,25 +143,99 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
     })
 }
 
-/// Compares every voxel and id of a `.pumice` file with a label volume.
-///
-/// # Errors
-/// When either file cannot be read to its end.
-pub fn verify_file(pumice: &Path, input: &Path, reading: &OpenOptions, job: &Job) -> Result<Verification> {
-    let volume = CompressedVolume::open(pumice, job)?;
-    let mut source = pumice_formats::open(input, reading)?;
-    Ok(pumice_core::verify(&volume, source.as_mut(), job)?)
+/// What [`verify_file`] found.
+#[derive(Clone, Debug)]
+pub struct Verified {
+    /// The last frame of a time series that was compared; `None` where the file has one volume.
+    pub time_step: Option<u32>,
+    /// Whether all voxels are the same, or the first difference.
+    pub found: Verification,
 }
 
-/// Writes the labels of a `.pumice` file in the format that the extension of `out` names.
+impl std::fmt::Display for Verified {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.time_step {
+            Some(step) => write!(f, "time step {step}: {}", self.found),
+            None => self.found.fmt(f),
+        }
+    }
+}
+
+/// Compares every voxel and id of a `.pumice` file with a label volume. Of a time series it compares the time step that `reading` chooses, or
+/// all of them with the time steps of `inputs`.
+///
+/// # Errors
+/// When a file cannot be read to its end; where the numbers of time steps differ.
+pub fn verify_file(pumice: &Path, inputs: &[PathBuf], reading: &OpenOptions, job: &Job) -> Result<Verified> {
+    let Some(input) = inputs.first() else {
+        return Err(SessionError::Caller("expected a label volume, got none".into()));
+    };
+    if frames_in_file(pumice)? == 1 {
+        let volume = CompressedVolume::open(pumice, job)?;
+        let mut source = pumice_formats::open(input, reading)?;
+        return Ok(Verified { time_step: None, found: pumice_core::verify(&volume, source.as_mut(), job)? });
+    }
+    let series = Series::open(pumice, job)?;
+    let is_one = inputs.len() == 1 && !is_pattern(input);
+    if let Some(step) = reading.time.filter(|_| is_one) {
+        // A file of one time step is compared as it is.
+        let all = OpenOptions { time: None, ..reading.clone() };
+        let has_several = pumice_formats::probe(input, &all)?.choices.iter().any(|c| c.keyword == "time");
+        let mut source = pumice_formats::open(input, if has_several { reading } else { &all })?;
+        let found = pumice_core::verify(&series.frame(step, job)?, source.as_mut(), job)?;
+        return Ok(Verified { time_step: Some(step), found });
+    }
+    let steps = is_one.then_some(TimeSteps::All);
+    let Some(sources) = open_series(inputs, steps, reading)?.filter(|s| s.frames() == series.frames()) else {
+        let (at, expected) = (pumice.display(), series.frames());
+        return Err(SessionError::Caller(format!(
+            "{at}: the file has {expected} time steps, and {} has another number of them",
+            input.display()
+        )));
+    };
+    let mut voxels = 0;
+    for step in 0..series.frames() {
+        let mut source = sources.open(step)?;
+        match pumice_core::verify(&series.frame(step, job)?, source.as_mut(), job)? {
+            Verification::Same { voxels: more } => voxels += more,
+            found => return Ok(Verified { time_step: Some(step), found }),
+        }
+    }
+    Ok(Verified { time_step: None, found: Verification::Same { voxels } })
+}
+
+/// Writes the labels of a `.pumice` file in the format that the extension of `out` names. Of a time series it writes the time step that
+/// `reading` chooses; where the name of `out` has `{t}`, all time steps, each into a file with its number there.
 ///
 /// # Errors
 /// When the file is damaged, the extension names no known format, or the output cannot be written.
-pub fn decompress_file(pumice: &Path, out: &Path, job: &Job) -> Result<()> {
-    let outputs = Outputs::default();
-    outputs.declare(out)?;
-    outputs.check_input(pumice)?;
-    let volume = CompressedVolume::open(pumice, job)?;
+pub fn decompress_file(pumice: &Path, out: &Path, reading: &OpenOptions, job: &Job) -> Result<()> {
+    if !is_pattern(out) {
+        reading.outputs.declare(out)?;
+        reading.outputs.check_input(pumice)?;
+        return write_volume(&*open_volume(pumice, reading, Residence::Copied, job)?, out, job);
+    }
+    let series = Series::open(pumice, job)?;
+    if let Some(step) = reading.time {
+        let out = out.display();
+        return Err(SessionError::Caller(format!(
+            "--time-step {step}: {out} names a file for each time step; name one without {{t}} for one"
+        )));
+    }
+    // Numbers of equal length, so that names in the order of letters are in the order of time.
+    let digits = (series.frames() - 1).to_string().len().max(4);
+    let name = |step: u32| PathBuf::from(out.to_string_lossy().replace("{t}", &format!("{step:0digits$}")));
+    for step in 0..series.frames() {
+        let out = name(step);
+        let outputs = Outputs::default();
+        outputs.declare(&out)?;
+        outputs.check_input(pumice)?;
+        write_volume(&series.frame(step, job)?, &out, job)?;
+    }
+    Ok(())
+}
+
+fn write_volume(volume: &CompressedVolume, out: &Path, job: &Job) -> Result<()> {
     let info = volume.info().clone();
     job.begin(info.voxels());
     pumice_formats::write::write_volume(out, &info, &mut |origin, dims| {

@@ -35,7 +35,7 @@ pub mod verify_render;
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
 pub use compress_file::{
-    CompressOutcome, CompressRequest, compress_file, decompress_file, read_types, verify_file,
+    CompressOutcome, CompressRequest, Verified, compress_file, decompress_file, read_types, verify_file,
 };
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
@@ -55,15 +55,16 @@ pub use progressive::{CurvePoint, Stop};
 pub use pumice_core::{CompressionLevel, Job, LabelType, Verification};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
 pub use pumice_formats::{
-    ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings,
+    ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, TimeSteps,
+    Warnings,
 };
 pub use pumice_picture::annotate::{Annotations, Corner, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
 pub use render_file::{
-    PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject, TurntablePicture,
-    render_file, render_turntable,
+    NumberedPicture, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject,
+    render_file, render_time_steps, render_turntable,
 };
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;

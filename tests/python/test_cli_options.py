@@ -34,6 +34,7 @@ OPTIONS = {
     "compress": {
         **dict.fromkeys(["--out", "--level", "--json", "--threads", "--memory-limit", "--types"], ""),
         "--table": "with --types",
+        "--time-steps": "with --time-step, and where the input has one time step",
         **READING,
     },
     "info": {
@@ -44,7 +45,7 @@ OPTIONS = {
     },
     "table": {**dict.fromkeys(["--out", "--as", "--query", "--json"], ""), **READING},
     "verify": READING,
-    "decompress": {"--out": ""},
+    "decompress": {"--out": "", "--time-step": "on files of one volume, and for a file for each time step"},
     "render": {
         **dict.fromkeys(["--out", "--again", "--backend", "--time", "--threads", "--json", "--save-scene", "--explain", "--no-paths"], ""),
         **dict.fromkeys(["--size", "--spp", "--error", "--noise-threshold", "--mode", "--lod", "--seed", "--transparent", "--denoise"], "with --again"),
@@ -59,6 +60,7 @@ OPTIONS = {
         **dict.fromkeys(["--pick", "--cut", "--floor"], "with --again, and for scenes"),
         **dict.fromkeys(["--focus", "--aperture", "--view", "--distance", "--frame"], "with --again, and for scenes"),
         "--turntable": "with --again, with --explain, and for scenes",
+        "--time-steps": "with --again, with --turntable, with --explain, and where no volume has time steps",
         "--width-mm": "with --again, and with --size",
         **dict.fromkeys(["--dpi", "--scale-bar", "--legend"], "with --again"),
         "--scale-bar-corner": "with --again, and without --scale-bar",

@@ -26,7 +26,8 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     let bar = Bar::follow("compressing", job);
     let outcome = compress_file(
         &CompressRequest {
-            input: args.input.clone(),
+            inputs: args.inputs.clone(),
+            time_steps: args.time_steps,
             output: args.out.clone(),
             reading,
             level: match args.level {
@@ -45,8 +46,9 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     let percent = |bytes: u64| 100.0 * bytes as f64 / outcome.bytes_raw.max(1) as f64;
     // With `--json -` a program reads standard output as JSON, so nothing else is printed there.
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
+        let steps = outcome.time_steps.map_or_else(String::new, |n| format!("{n} time steps, "));
         say(format_args!(
-            "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of 4 bytes a voxel), {:.1} MB in memory without the hierarchy for rays ({:.2} %), {:.1} s ({:.1} CPU s)",
+            "{}: {steps}{} labels, {} boxes, {:.1} MB on disk ({:.2} % of 4 bytes a voxel), {:.1} MB in memory without the hierarchy for rays ({:.2} %), {:.1} s ({:.1} CPU s)",
             args.out.display(),
             outcome.labels,
             outcome.boxes,

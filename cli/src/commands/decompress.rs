@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pumice_session::{Job, decompress_file};
+use pumice_session::{Job, OpenOptions, decompress_file};
 
 use crate::Answer;
 use crate::args::Decompress;
@@ -11,6 +11,7 @@ use crate::progress::Bar;
 
 pub(crate) fn run(args: &Decompress, job: &Arc<Job>) -> Result<Answer, Failure> {
     let _bar = Bar::follow("writing", job);
-    decompress_file(&args.file, &args.out, job)?;
+    let reading = OpenOptions { time: args.time_step, ..OpenOptions::default() };
+    decompress_file(&args.file, &args.out, &reading, job)?;
     Ok(Answer::Yes)
 }
