@@ -196,7 +196,8 @@ fn factors(product: u32) -> [u32; 3] {
 fn real(volume: &Path, folder: &Path, job: &Job) -> Result<Subject> {
     let file = folder.join("real.pumice");
     let request = CompressRequest {
-        input: volume.to_owned(),
+        inputs: vec![volume.to_owned()],
+        time_steps: None,
         output: file.clone(),
         reading: OpenOptions::default(),
         level: CompressionLevel::Fast,

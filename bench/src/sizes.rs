@@ -62,7 +62,8 @@ pub fn measure_sizes(volume: &Path, job: &Job) -> Result<Sizes> {
         CompressionLevel::Small,
     ]) {
         let request = CompressRequest {
-            input: volume.to_owned(),
+            inputs: vec![volume.to_owned()],
+            time_steps: None,
             output: file.clone(),
             reading: OpenOptions::default(),
             level,
@@ -72,8 +73,8 @@ pub fn measure_sizes(volume: &Path, job: &Job) -> Result<Sizes> {
             table: None,
         };
         *bytes = compress_file(&request, job)?.bytes_disk;
-        let verified = verify_file(&file, volume, &OpenOptions::default(), job)?;
-        if !matches!(verified, Verification::Same { .. }) {
+        let verified = verify_file(&file, &[volume.to_owned()], &OpenOptions::default(), job)?;
+        if !matches!(verified.found, Verification::Same { .. }) {
             return Err(SessionError::Caller(format!(
                 "{}: the file compressed at level {level:?} differs: {verified}",
                 volume.display()

@@ -57,7 +57,8 @@ pub struct Speeds {
 pub fn measure_speeds(path: &Path, job: &Job) -> Result<Speeds> {
     let folder = scratch()?;
     let request = CompressRequest {
-        input: path.to_owned(),
+        inputs: vec![path.to_owned()],
+        time_steps: None,
         output: folder.path().join("volume.pumice"),
         reading: OpenOptions::default(),
         level: CompressionLevel::Default,

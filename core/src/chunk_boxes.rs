@@ -40,15 +40,17 @@ const HEAD_BYTES: usize = 44;
 pub(crate) struct ChunkBoxes<'a> {
     /// Lowest cell of the chunk in the volume.
     pub(crate) cell: [u32; 3],
+    /// The frame that the boxes are of; 0 where the volume has no time.
+    pub(crate) frame: u32,
     /// Runs by dense label.
     pub(crate) runs: Vec<LabelRun>,
+    /// Number of voxels of each run.
+    pub(crate) run_voxels: Vec<u64>,
     /// Number of boxes.
     pub(crate) count: u32,
     boxes: Spool<'a>,
     /// Hash of the contents of each box.
     pub(crate) hashes: Spool<'a>,
-    /// The cells of all labels by layer.
-    pub(crate) layers: Layers<'a>,
     /// Number of fields of all boxes.
     pub(crate) fields: u64,
 }
@@ -97,13 +99,15 @@ fn voxels(cells: &[Cell]) -> u64 {
 }
 
 /// Where boxes go.
-struct Output<'o, 'a> {
+struct Output<'o, 'a, 'l> {
     boxes: ChunkBoxes<'a>,
+    /// The cells of all labels by layer.
+    layers: Layers<'l>,
     content: &'o mut Xxh3,
     voxels: &'o mut [u64],
 }
 
-impl Output<'_, '_> {
+impl Output<'_, '_, '_> {
     fn append(&mut self, boxed: &Boxed) -> Result<()> {
         self.content.update(&boxed.stream);
         self.boxes.boxes.write(&boxed.stream)?;
@@ -113,6 +117,8 @@ impl Output<'_, '_> {
         for &(label, voxels, boxes) in &boxed.labels {
             self.voxels[label as usize] += voxels;
             self.boxes.runs.push(LabelRun { label, first_box: self.boxes.count });
+            make_room(&mut self.boxes.run_voxels, 1, BOXES)?;
+            self.boxes.run_voxels.push(voxels);
             self.boxes.count = self.boxes.count.checked_add(boxes).ok_or_else(|| Error::Limit {
                 what: format!("boxes in the chunk at {:?}", self.boxes.cell.map(|c| 4 * c)),
                 limit: u32::MAX.into(),
@@ -123,26 +129,30 @@ impl Output<'_, '_> {
     }
 }
 
-/// Finds the boxes of a chunk. `ids` are those of all labels; `content` and `voxels` take up the chunk's boxes and each label's voxels.
-pub(crate) fn boxes_of_chunk<'a>(
-    code: u64,
+/// Finds the boxes of a chunk at a frame, and its cells by layer. `ids` are those of all labels; `content` and `voxels` take up the chunk's
+/// boxes and each label's voxels. The boxes of so many frames are held together.
+#[expect(clippy::too_many_arguments, reason = "each is another thing")]
+pub(crate) fn boxes_of_chunk<'a, 'l>(
+    (code, frame): (u64, u32),
     mut records: ChunkRecords<'_>,
     ids: &[u64],
     (content, voxels): (&mut Xxh3, &mut [u64]),
-    scratch: &'a Scratch,
+    (scratch, of_layers): (&'a Scratch, &'l Scratch),
+    frames: u64,
     budget: &Budget,
     job: &Job,
-) -> Result<ChunkBoxes<'a>> {
+) -> Result<(ChunkBoxes<'a>, Layers<'l>)> {
     let boxes = ChunkBoxes {
         cell: morton::decode(code * CHUNK_CELLS),
+        frame,
         runs: Vec::new(),
+        run_voxels: Vec::new(),
         count: 0,
-        boxes: Spool::new(scratch, budget.share(16)),
-        hashes: Spool::new(scratch, budget.share(32)),
-        layers: Layers::new(scratch, budget.share(8)),
+        boxes: Spool::new(scratch, budget.share(16) / frames),
+        hashes: Spool::new(scratch, budget.share(32) / frames),
         fields: 0,
     };
-    let mut output = Output { boxes, content, voxels };
+    let mut output = Output { boxes, layers: Layers::new(of_layers, budget.share(8)), content, voxels };
     // What is made of a label's records takes some three times their bytes beside them.
     let most_of_label = (budget.share(16) / size_of::<Cell>() as u64).max(1 << 12);
     let most_wave = most_of_label.min(WAVE_CELLS);
@@ -170,7 +180,7 @@ pub(crate) fn boxes_of_chunk<'a>(
     }
     finish_wave(&mut wave, &mut output, budget, job)?;
     output.boxes.runs.shrink_to_fit();
-    Ok(output.boxes)
+    Ok((output.boxes, output.layers))
 }
 
 /// Some labels with their records.
@@ -187,8 +197,13 @@ impl Task {
     }
 }
 
-fn finish_wave(wave: &mut Vec<Task>, output: &mut Output<'_, '_>, budget: &Budget, job: &Job) -> Result<()> {
-    let layers = &output.boxes.layers;
+fn finish_wave(
+    wave: &mut Vec<Task>,
+    output: &mut Output<'_, '_, '_>,
+    budget: &Budget,
+    job: &Job,
+) -> Result<()> {
+    let layers = &output.layers;
     let finished: Vec<Result<Boxed>> = std::mem::take(wave)
         .into_par_iter()
         .map(|task| {
@@ -220,7 +235,7 @@ fn split_on_disk(
     (id, count): (u64, u64),
     most: u64,
     records: &mut ChunkRecords<'_>,
-    output: &mut Output<'_, '_>,
+    output: &mut Output<'_, '_, '_>,
     budget: &Budget,
     job: &Job,
 ) -> Result<()> {
@@ -256,7 +271,7 @@ fn split_on_disk(
             count_voxels += voxels(&cells);
             let mut batch = LayerBatch::default();
             batch.add(label, &cells)?;
-            output.boxes.layers.add(&mut batch)?;
+            output.layers.add(&mut batch)?;
             let mut raw = RawBoxes::default();
             split_label(label, &mut cells, &mut raw)?;
             make_room(&mut boxes, raw.boxes.len(), BOXES)?;

@@ -1,4 +1,4 @@
-//! Makes the nodes of one chunk from its boxes: which boxes share a node, the leaves, and then boxes and nodes in their order.
+//! Makes the nodes of one chunk from its boxes, of all frames: which boxes share a node, the leaves, and then boxes and nodes in their order.
 
 use rayon::prelude::*;
 
@@ -37,7 +37,7 @@ pub(crate) struct NodeBatch<'b> {
 
 /// The boxes of a chunk with their leaves.
 pub(crate) struct ChunkNodes<'c, 'a> {
-    pub(crate) boxes: &'c ChunkBoxes<'a>,
+    frames: &'c [ChunkBoxes<'a>],
     pub(crate) leaves: Leaves,
     /// For each box, the first that has the same contents.
     first: Vec<u32>,
@@ -45,55 +45,87 @@ pub(crate) struct ChunkNodes<'c, 'a> {
 
 impl<'c, 'a> ChunkNodes<'c, 'a> {
     /// Finds which boxes share a node, and chooses the leaves.
-    pub(crate) fn new(boxes: &'c ChunkBoxes<'a>, budget: &Budget, job: &Job) -> Result<Self> {
-        let needed = u64::from(boxes.count) * BYTES_A_BOX;
+    pub(crate) fn new(frames: &'c [ChunkBoxes<'a>], budget: &Budget, job: &Job) -> Result<Self> {
+        let count = frames.iter().map(|boxes| u64::from(boxes.count)).sum::<u64>();
+        let place = || frames.first().map_or([0; 3], |boxes| boxes.cell.map(|c| 4 * c));
+        if u32::try_from(count).is_err() {
+            let what = format!("boxes in the chunk at {:?}", place());
+            return Err(Error::Limit { what, limit: u32::MAX.into(), got: count });
+        }
+        let needed = count * BYTES_A_BOX;
         if let Some(limit) = budget.limit_bytes.filter(|limit| needed > (limit / 2).max(ALWAYS_BYTES)) {
-            let what =
-                format!("bytes of memory for the boxes of the chunk at {:?}", boxes.cell.map(|c| 4 * c));
+            let what = format!("bytes of memory for the boxes of the chunk at {:?}", place());
             return Err(Error::Limit { what, limit, got: 2 * needed });
         }
         job.check()?;
-        let first = first_with_same(&boxes.hashes, budget.share(4))?;
+        let hashes: Vec<_> = frames.iter().map(|boxes| &boxes.hashes).collect();
+        let first = first_with_same(&hashes, budget.share(4))?;
         let scratch = Scratch::new(&budget.folder);
-        let mut fields = CountedFields::new(&scratch, boxes.fields, budget.share(4));
-        let (mut reader, mut number) = (boxes.reader(), 0);
-        loop {
-            job.check()?;
-            let batch = reader.next(BATCH_BOXES)?;
-            if batch.boxes.is_empty() {
-                break;
-            }
-            for b in &batch.boxes {
-                if first[number as usize] == number {
-                    fields.add(fields_of(&batch, b))?;
+        let most_fields = frames.iter().map(|boxes| boxes.fields).sum();
+        let mut fields = CountedFields::new(&scratch, most_fields, budget.share(4));
+        let mut number = 0;
+        for boxes in frames {
+            let mut reader = boxes.reader();
+            loop {
+                job.check()?;
+                let batch = reader.next(BATCH_BOXES)?;
+                if batch.boxes.is_empty() {
+                    break;
                 }
-                number += 1;
+                for b in &batch.boxes {
+                    if first[number as usize] == number {
+                        fields.add(fields_of(&batch, b))?;
+                    }
+                    number += 1;
+                }
             }
         }
         let leaves = Leaves::of_counted(&fields.counted()?)?;
-        Ok(Self { boxes, leaves, first })
+        Ok(Self { frames, leaves, first })
     }
 
-    /// Calls `visit` with all boxes and nodes, in order. Returns the number of words of all nodes.
-    pub(crate) fn for_each_batch(
-        &self,
+    /// Makes boxes and nodes, frame after frame.
+    pub(crate) fn writer(&self) -> Result<NodeWriter<'_>> {
+        let cell = self.frames.first().map_or([0; 3], |boxes| boxes.cell);
+        let places = reserved(self.first.len(), NODES)?;
+        let index = LeafIndex::new(&self.leaves);
+        Ok(NodeWriter { first: &self.first, cell, index, places, words: 0, nodes: 0 })
+    }
+}
+
+/// Makes the boxes and nodes of a chunk, frame after frame.
+pub(crate) struct NodeWriter<'n> {
+    /// For each box, the first that has the same contents.
+    first: &'n [u32],
+    /// Lowest cell of the chunk.
+    cell: [u32; 3],
+    index: LeafIndex<'n>,
+    /// By box: first word and number of its node.
+    places: Vec<(u32, u32)>,
+    /// Words of all nodes so far, and their number.
+    pub(crate) words: u64,
+    nodes: u32,
+}
+
+impl NodeWriter<'_> {
+    /// Calls `visit` with the boxes of the next frame, in order, and with the nodes that they are the first to use.
+    pub(crate) fn frame(
+        &mut self,
+        boxes: &ChunkBoxes<'_>,
         job: &Job,
         mut visit: impl FnMut(NodeBatch<'_>) -> Result<()>,
-    ) -> Result<u64> {
-        let index = LeafIndex::new(&self.leaves);
-        // By box: first word and number of its node, where it is the first to use it.
-        let mut places: Vec<(u32, u32)> = reserved(self.first.len(), NODES)?;
-        let (mut words, mut nodes_so_far) = (0u64, 0u32);
-        let mut reader = self.boxes.reader();
+    ) -> Result<()> {
+        let Self { first, cell, index, places, words, nodes: nodes_so_far } = self;
+        let mut reader = boxes.reader();
         let (mut records, mut backs, mut nodes) = (Vec::new(), Vec::new(), Vec::new());
         loop {
             job.check()?;
             let batch = reader.next(BATCH_BOXES)?;
             if batch.boxes.is_empty() {
-                return Ok(words);
+                return Ok(());
             }
             let from = places.len();
-            let is_first = |i: usize| self.first[from + i] as usize == from + i;
+            let is_first = |i: usize| first[from + i] as usize == from + i;
             let written: Vec<Vec<u16>> = (0..batch.boxes.len())
                 .into_par_iter()
                 .with_min_len(64)
@@ -102,8 +134,8 @@ impl<'c, 'a> ChunkNodes<'c, 'a> {
                         return Vec::new();
                     }
                     let (b, fields) = (&batch.boxes[i], fields_of(&batch, &batch.boxes[i]));
-                    let mut node = vec![0; node_words(b.occupied, fields, &index)];
-                    write_node(b.occupied, b.solid, fields, &index, &mut node);
+                    let mut node = vec![0; node_words(b.occupied, fields, index)];
+                    write_node(b.occupied, b.solid, fields, index, &mut node);
                     node
                 })
                 .collect();
@@ -112,24 +144,24 @@ impl<'c, 'a> ChunkNodes<'c, 'a> {
             nodes.clear();
             for (i, (b, node)) in batch.boxes.iter().zip(&written).enumerate() {
                 let (at, back) = if is_first(i) {
-                    let at = u32::try_from(words).map_err(|_| Error::Limit {
-                        what: format!("bytes of nodes in the chunk at {:?}", self.boxes.cell.map(|c| 4 * c)),
+                    let at = u32::try_from(*words).map_err(|_| Error::Limit {
+                        what: format!("bytes of nodes in the chunk at {:?}", cell.map(|c| 4 * c)),
                         limit: 2 << 32,
-                        got: 2 * words,
+                        got: 2 * *words,
                     })?;
-                    places.push((at, nodes_so_far));
+                    places.push((at, *nodes_so_far));
                     make_room(&mut nodes, node.len(), NODES)?;
                     nodes.extend_from_slice(node);
-                    words += node.len() as u64;
-                    nodes_so_far += 1;
+                    *words += node.len() as u64;
+                    *nodes_so_far += 1;
                     (at, 0)
                 } else {
-                    let place = places[self.first[from + i] as usize];
+                    let place = places[first[from + i] as usize];
                     places.push(place);
-                    (place.0, nodes_so_far - place.1)
+                    (place.0, *nodes_so_far - place.1)
                 };
-                let cell = [0, 1, 2].map(|a| b.origin[a] - self.boxes.cell[a]);
-                records.push(BoxRecord::new(cell, b.extent.map(u32::from), at));
+                let within = [0, 1, 2].map(|a| b.origin[a] - cell[a]);
+                records.push(BoxRecord::new(within, b.extent.map(u32::from), at));
                 backs.push(back);
             }
             visit(NodeBatch { records: &records, backs: &backs, nodes: &nodes })?;

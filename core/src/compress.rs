@@ -10,7 +10,7 @@
 use std::path::Path;
 use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
 use std::sync::mpsc::{Receiver, TrySendError, sync_channel};
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Mutex, OnceLock, PoisonError};
 
 use crate::cell::CELL;
 use crate::file;
@@ -41,7 +41,7 @@ pub struct CompressOptions {
 }
 
 impl CompressOptions {
-    fn thread_count(&self) -> usize {
+    pub(crate) fn thread_count(&self) -> usize {
         match self.threads {
             0 => std::thread::available_parallelism().map_or(1, Into::into),
             n => n,
@@ -83,8 +83,23 @@ pub fn compress_to_file(
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     let expected = source.info().voxels();
     let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
+    write_parts(path, level, info, (parts, labelled), options, &folder, describe, job)
+}
+
+/// Finishes parts into a file.
+#[expect(clippy::too_many_arguments, reason = "each is another thing")]
+pub(crate) fn write_parts(
+    path: &Path,
+    level: CompressionLevel,
+    info: VolumeInfo,
+    (parts, labelled): (StoredParts, u64),
+    options: &CompressOptions,
+    folder: &Path,
+    describe: &mut (dyn FnMut(&mut CompressedVolume) -> Result<()> + Send),
+    job: &Job,
+) -> Result<WrittenVolume> {
     let known = Known { labelled: Some(labelled), touching: None };
-    let budget = Budget::new(options.memory_limit_bytes, info.dims, &folder);
+    let budget = Budget::new(options.memory_limit_bytes, info.dims, parts.frames, folder);
     let mut describe = |volume: &mut CompressedVolume| {
         if let Some(types) = &options.types {
             types.apply(&mut volume.labels);
@@ -123,7 +138,7 @@ pub fn compress_part(
     }
     let known = Known { labelled: Some(labelled), touching: None };
     // As for the whole volume: what one chunk needs depends on the chunk.
-    let budget = Budget::new(options.memory_limit_bytes, info.dims, &folder);
+    let budget = Budget::new(options.memory_limit_bytes, info.dims, 1, &folder);
     let head = file::PartHead::new(chunks.clone(), grid.chunks(), from.clone());
     let level = CompressionLevel::Default;
     let mut describe = |_: &mut CompressedVolume| Ok(());
@@ -140,16 +155,27 @@ fn parts_of(
     folder: &Path,
     job: &Job,
 ) -> Result<(VolumeInfo, StoredParts, u64)> {
-    let mut info = source.info().clone();
-    check(&info)?;
-    info.notes.sort_by_key(|n| n.id);
-    info.notes.dedup_by_key(|n| n.id);
-    // Records get a quarter of the limit, and waiting blocks at most another quarter.
-    let bytes = options.memory_limit_bytes.unwrap_or_else(|| bytes_without_limit(info.dims));
-    let store = PartStore::new(bytes / 4, options.memory_limit_bytes, folder);
+    let info = checked(source.info().clone())?;
+    let store = store_for(info.dims, 1, options, folder);
+    job.begin(expected);
     let threads = options.thread_count();
     let labelled = make_parts(source, expected, &store, threads, options.memory_limit_bytes, job)?;
     Ok((info, store.into_parts()?, labelled))
+}
+
+/// An empty store for the parts of so many frames of a volume of `dims` voxels.
+pub(crate) fn store_for(dims: [u32; 3], frames: u32, options: &CompressOptions, folder: &Path) -> PartStore {
+    // Records get a quarter of the limit, and waiting blocks at most another quarter.
+    let bytes = options.memory_limit_bytes.unwrap_or_else(|| bytes_without_limit(dims, frames));
+    PartStore::new(bytes / 4, options.memory_limit_bytes, folder)
+}
+
+/// The description of a volume with its notes in order, once it is checked.
+pub(crate) fn checked(mut info: VolumeInfo) -> Result<VolumeInfo> {
+    check(&info)?;
+    info.notes.sort_by_key(|n| n.id);
+    info.notes.dedup_by_key(|n| n.id);
+    Ok(info)
 }
 
 /// Runs work on as many threads as the options say.
@@ -172,14 +198,14 @@ pub(crate) fn volume_of_parts(
     folder: &Path,
     job: &Job,
 ) -> Result<CompressedVolume> {
-    let budget = Budget::new(options.memory_limit_bytes, info.dims, folder);
+    let budget = Budget::new(options.memory_limit_bytes, info.dims, 1, folder);
     on_threads(options, || {
         let dims = info.dims;
         let mut sink = VolumeSink::new(info, options.memory_limit_bytes);
         let finished = finish(dims, parts, known, &budget, &mut sink, job)?;
         let mut volume = sink.into_volume()?;
         volume.labels = finished.labels;
-        volume.hash = finished.content_hash.into();
+        volume.hash = finished.content_hashes.first().map_or_else(OnceLock::new, |&hash| hash.into());
         if let Some(types) = &options.types {
             types.apply(&mut volume.labels);
         }
@@ -213,8 +239,8 @@ fn check(info: &VolumeInfo) -> Result<()> {
     Ok(())
 }
 
-/// Adds the parts of all blocks of a source to a store and returns the number of labelled voxels.
-fn make_parts(
+/// Adds the parts of all blocks of a source, which have `expected` voxels, to a store; returns the number of labelled voxels. The job has begun.
+pub(crate) fn make_parts(
     source: &mut dyn BlockSource,
     expected: u64,
     store: &PartStore,
@@ -223,7 +249,6 @@ fn make_parts(
     job: &Job,
 ) -> Result<u64> {
     let dims = source.info().dims;
-    job.begin(expected);
     let (send, receive) = sync_channel::<LabelBlock>(threads);
     let receive = Mutex::new(receive);
     let failure: Mutex<Option<Error>> = Mutex::default();

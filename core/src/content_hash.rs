@@ -63,6 +63,14 @@ fn append_box(bytes: &mut Vec<u8>, label: u32, b: &BoxView<'_>) {
     bytes[at..at + 8].copy_from_slice(&solid.to_le_bytes());
 }
 
+/// The content hash of a time series: XXH3 (128 bits, seed 0) of the content hashes of its frames, 16 bytes each. The hash of a frame is that
+/// of a volume with the ids of all frames.
+pub(crate) fn of_frames(hashes: &[u128]) -> u128 {
+    let mut hash = Xxh3::new();
+    hashes.iter().for_each(|of_frame| hash.update(&of_frame.to_le_bytes()));
+    hash.digest128()
+}
+
 /// The hash of what comes before the boxes.
 pub(crate) fn begun(dims: [u32; 3], ids: &[u64]) -> Xxh3 {
     let mut hash = Xxh3::new();

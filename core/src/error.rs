@@ -42,6 +42,16 @@ pub enum Error {
         /// Version number in the file.
         got: u32,
     },
+    /// A `.pumice` file of a time series was opened as one volume.
+    #[error(
+        "{}: the file has {frames} time steps, and each is a separate volume; choose one with --time-step (0 to {})", path.display(), frames - 1
+    )]
+    Frames {
+        /// The file.
+        path: PathBuf,
+        /// Number of frames.
+        frames: u32,
+    },
     /// A block source could not deliver its labels; the text is the source's own one-line message.
     #[error("{0}")]
     Source(#[source] Box<dyn std::error::Error + Send + Sync>),

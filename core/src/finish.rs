@@ -2,8 +2,9 @@
 //!
 //! ```text
 //! for each chunk, in Morton order (all threads work on one chunk):
-//!     boxes      of each label, with their contents, in their final order          chunk_boxes
-//!     touching   labels within the chunk, and across the faces to earlier chunks   touching
+//!     for each frame of a time series (other volumes have one):
+//!         boxes      of each label, with their contents, in their final order          chunk_boxes
+//!         touching   labels within the chunk, and across the faces to earlier chunks   touching
 //!     share      boxes with equal contents refer to one node                       sharing
 //!     leaves     the most frequent fields and slices of the distinct nodes         counted_fields, leaves
 //!     nodes      in the order of first use, and box records                        chunk_nodes
@@ -12,13 +13,15 @@
 //! What a step leaves to the next is in memory as far as its share of the limit allows, and otherwise in a scratch file. The result of each
 //! step depends on the volume alone, so it is independent of threads, blocks and their order, and of the limit.
 
+use std::collections::BTreeMap;
 use std::hash::{BuildHasher, Hasher, RandomState};
 use std::path::{Path, PathBuf};
 
 use crate::chunk_boxes::{ChunkBoxes, boxes_of_chunk};
 use crate::content_hash;
+use crate::layers::Layers;
 use crate::memory::available_bytes;
-use crate::reserve::zeroed;
+use crate::reserve::{collected, reserved, zeroed};
 use crate::spool::Scratch;
 use crate::store::StoredParts;
 use crate::touching::Touching;
@@ -27,9 +30,10 @@ use crate::{Error, Job, LabelTable, Result};
 /// Bytes that finishing works with at least: with less, it would write to disk byte by byte. A program takes more for itself.
 const LEAST_BYTES: u64 = 1 << 20;
 
-/// Bytes to work with where no limit is given: what a densely packed volume of `dims` voxels needs, but at most half of what is free.
-pub(crate) fn bytes_without_limit(dims: [u32; 3]) -> u64 {
-    let voxels = dims.iter().fold(1u64, |product, &d| product.saturating_mul(d.into()));
+/// Bytes to work with where no limit is given: what so many frames of a densely packed volume of `dims` voxels need, but at most half of what
+/// is free.
+pub(crate) fn bytes_without_limit(dims: [u32; 3], frames: u32) -> u64 {
+    let voxels = dims.iter().fold(frames.into(), |product: u64, &d| product.saturating_mul(d.into()));
     let needed = (32 << 20_u64) + voxels.saturating_add(voxels / 4);
     available_bytes().map_or(needed, |free| needed.min(free / 2))
 }
@@ -47,9 +51,10 @@ pub(crate) struct Budget {
 }
 
 impl Budget {
-    /// The budget for a volume of `dims` voxels.
-    pub(crate) fn new(limit_bytes: Option<u64>, dims: [u32; 3], folder: &Path) -> Self {
-        let bytes = limit_bytes.map_or_else(|| bytes_without_limit(dims), |limit| limit.max(LEAST_BYTES));
+    /// The budget for so many frames of a volume of `dims` voxels.
+    pub(crate) fn new(limit_bytes: Option<u64>, dims: [u32; 3], frames: u32, folder: &Path) -> Self {
+        let bytes =
+            limit_bytes.map_or_else(|| bytes_without_limit(dims, frames), |limit| limit.max(LEAST_BYTES));
         let seed = RandomState::new().build_hasher().finish();
         Self { limit_bytes, bytes, folder: folder.to_owned(), seed }
     }
@@ -62,15 +67,19 @@ impl Budget {
 
 /// Takes finished chunks, in Morton order.
 pub(crate) trait ChunkSink {
-    /// Takes a chunk.
-    fn chunk(&mut self, boxes: &ChunkBoxes<'_>, budget: &Budget, job: &Job) -> Result<()>;
+    /// Takes the cells of a chunk at a frame, which come before the boxes of the chunk, frame after frame.
+    fn layers(&mut self, boxes: &ChunkBoxes<'_>, layers: &Layers<'_>, job: &Job) -> Result<()>;
+
+    /// Takes the boxes of a chunk at all frames at which it has any. They share nodes and leaves.
+    fn chunk(&mut self, frames: &[ChunkBoxes<'_>], budget: &Budget, job: &Job) -> Result<()>;
 }
 
 /// What is known of a volume once all of its chunks are finished.
 pub(crate) struct Finished {
     /// Ids, numbers of voxels, and contacts.
     pub(crate) labels: LabelTable,
-    pub(crate) content_hash: u128,
+    /// Of each frame.
+    pub(crate) content_hashes: Vec<u128>,
 }
 
 /// What a caller knows of the parts.
@@ -81,7 +90,7 @@ pub(crate) struct Known {
     pub(crate) touching: Option<Vec<u64>>,
 }
 
-/// Finishes all chunks of a volume of `dims` voxels.
+/// Finishes all chunks of a volume of `dims` voxels, at all frames.
 ///
 /// # Errors
 /// [`Error::Caller`] where blocks of the source overlap; [`Error::Limit`]; [`Error::Memory`]; [`Error::Io`]; [`Error::Cancelled`]; those of
@@ -99,18 +108,30 @@ pub(crate) fn finish(
         return Err(Error::Limit { what: "labels".into(), limit: u32::MAX.into(), got: ids.len() as u64 });
     }
     let mut voxels: Vec<u64> = zeroed(ids.len(), "the table of labels")?;
-    let mut content = content_hash::begun(dims, &ids);
+    // Frames without a box have no hash of their own here: there may be many.
+    let begun = content_hash::begun(dims, &ids);
+    let mut contents = BTreeMap::new();
     let faces = Scratch::new(&budget.folder);
     let within = known.touching.is_none();
     let known_pairs = known.touching.as_deref().unwrap_or_default();
     let mut touching = Touching::new(dims, &faces, budget.share(4096), known_pairs)?;
     job.begin(parts.records());
-    while let Some((code, records)) = parts.take_chunk(budget.share(16)) {
-        job.check()?;
+    while let Some((_, frames)) = parts.next_chunk() {
         let scratch = Scratch::new(&budget.folder);
-        let boxes = boxes_of_chunk(code, records, &ids, (&mut content, &mut voxels), &scratch, budget, job)?;
-        touching.chunk(boxes.cell.map(|c| 4 * c), &boxes.layers, within, job)?;
-        sink.chunk(&boxes, budget, job)?;
+        let mut of_chunk: Vec<ChunkBoxes<'_>> = reserved(frames as usize, "the frames of a chunk")?;
+        for _ in 0..frames {
+            job.check()?;
+            let of_frame = Scratch::new(&budget.folder);
+            let Some((code, frame, records)) = parts.take_chunk(budget.share(16)) else { break };
+            let content = contents.entry(frame).or_insert_with(|| begun.clone());
+            let (place, scratch) = ((code, frame), (&scratch, &of_frame));
+            let (boxes, layers) =
+                boxes_of_chunk(place, records, &ids, (content, &mut voxels), scratch, frames, budget, job)?;
+            touching.chunk(frame, boxes.cell.map(|c| 4 * c), &layers, within, job)?;
+            sink.layers(&boxes, &layers, job)?;
+            of_chunk.push(boxes);
+        }
+        sink.chunk(&of_chunk, budget, job)?;
     }
     // If blocks overlap in one label, the OR has fewer voxels than they delivered. (Overlap of two labels shows where cells are compared.)
     let kept: u64 = voxels.iter().sum();
@@ -121,5 +142,7 @@ pub(crate) fn finish(
     }
     let contacts = touching.into_contacts(ids.len() as u32)?;
     let labels = LabelTable { ids, voxels, contacts, ..LabelTable::default() };
-    Ok(Finished { labels, content_hash: content.digest128() })
+    let hash = |frame| contents.get(&frame).unwrap_or(&begun).digest128();
+    let content_hashes = collected(parts.frames as usize, (0..parts.frames).map(hash), "the frames")?;
+    Ok(Finished { labels, content_hashes })
 }

@@ -19,6 +19,7 @@ mod chunk_boxes;
 mod chunk_nodes;
 pub mod chunk_set;
 pub mod compress;
+pub mod compress_series;
 pub mod contacts;
 pub mod content_hash;
 mod counted_fields;
@@ -66,10 +67,13 @@ pub use bounds::Bounds;
 pub use box_record::BoxRecord;
 pub use chunk_set::{ChunkGrid, ChunkSet, VoxelRegion};
 pub use compress::{CompressOptions, compress, compress_labels, compress_part, compress_to_file};
+pub use compress_series::{SeriesSource, compress_series_to_file};
 pub use contacts::Contacts;
 pub use elements::Elements;
 pub use error::{Error, Result};
-pub use file::{CompressionLevel, PartInfo, PartSource, WrittenVolume, merge_parts, read_part};
+pub use file::{
+    CompressionLevel, PartInfo, PartSource, Series, WrittenVolume, frames_in_file, merge_parts, read_part,
+};
 pub use grid::BoxGrid;
 pub use info::{LabelNote, LabelType, Unit, VolumeInfo, WorldFrame};
 pub use input_file::{open_input, read_input};
@@ -87,4 +91,4 @@ pub use sorted_cells::SortedCells;
 pub use spool::Scratch;
 pub use types::TypeTable;
 pub use verify::{Verification, verify};
-pub use volume::{BoxPlace, BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, LabelRun, MAX_DIM};
+pub use volume::{BoxPlace, BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, FrameOf, LabelRun, MAX_DIM};

@@ -6,6 +6,8 @@
 //!             above the limit, all parts move to the scratch file, each as  ids │ numbers of records │ records
 //! a chunk:    ChunkRecords::next_label gives label after label, with its records of every part
 //! ```
+//! Parts of a time series are kept by chunk and frame: frames come one after another, and [`PartStore::next_frame`] stands between them.
+//!
 //! A part in the file takes some bytes of memory, and while its chunk is finished a small buffer.
 
 use std::collections::BTreeMap;
@@ -52,8 +54,10 @@ enum Piece {
 struct State {
     /// Parts that wait to be merged with others; level k holds results of k merges.
     waiting: Vec<Vec<SortedCells>>,
-    /// Pieces of each chunk, by its Morton code.
-    chunks: BTreeMap<u64, Vec<Piece>>,
+    /// Pieces of each chunk at each frame, by the Morton code of the chunk and the frame's number.
+    chunks: BTreeMap<(u64, u32), Vec<Piece>>,
+    /// The frame that parts are of.
+    frame: u32,
     ids: FxHashMap<u64, ()>,
     /// Bytes on the heap of the parts in memory.
     bytes: u64,
@@ -127,7 +131,7 @@ impl PartStore {
         }
         for (chunk, piece) in by_chunk(part)? {
             state.bytes += piece.bytes();
-            state.chunks.entry(chunk).or_default().push(Piece::Memory(piece));
+            state.chunks.entry((chunk, state.frame)).or_default().push(Piece::Memory(piece));
         }
         Ok(())
     }
@@ -180,6 +184,20 @@ impl PartStore {
         Ok(())
     }
 
+    /// Ends a frame: the parts that are added afterwards are of the next one.
+    ///
+    /// # Errors
+    /// As [`PartStore::add`].
+    pub(crate) fn next_frame(&self) -> Result<()> {
+        let mut state = self.lock();
+        for part in state.waiting.iter_mut().flat_map(std::mem::take).collect::<Vec<_>>() {
+            state.bytes -= part.bytes();
+            self.file(&mut state, part)?;
+        }
+        state.frame += 1;
+        self.relieve(&mut state)
+    }
+
     /// Ends adding.
     ///
     /// # Errors
@@ -196,7 +214,7 @@ impl PartStore {
         ids.extend(std::mem::take(&mut state.ids).into_keys());
         ids.sort_unstable();
         // Chunks without a record have no entry, since a piece has at least one.
-        Ok(StoredParts { ids, chunks: state.chunks, scratch: self.scratch })
+        Ok(StoredParts { ids, frames: state.frame + 1, chunks: state.chunks, scratch: self.scratch })
     }
 }
 
@@ -232,7 +250,9 @@ fn by_chunk(part: SortedCells) -> Result<Vec<(u64, SortedCells)>> {
 pub(crate) struct StoredParts {
     /// The ids of all labels, rising.
     pub(crate) ids: Vec<u64>,
-    chunks: BTreeMap<u64, Vec<Piece>>,
+    /// Number of frames.
+    pub(crate) frames: u32,
+    chunks: BTreeMap<(u64, u32), Vec<Piece>>,
     scratch: Scratch,
 }
 
@@ -246,17 +266,24 @@ impl StoredParts {
         self.chunks.values().flatten().map(of_piece).sum()
     }
 
-    /// Morton codes of the chunks that have records, rising.
+    /// Morton codes of the chunks that have records, rising; one of several frames comes as often.
     pub(crate) fn codes(&self) -> impl Iterator<Item = u64> + '_ {
-        self.chunks.keys().copied()
+        self.chunks.keys().map(|&(code, _)| code)
     }
 
-    /// Removes the records of the first chunk that is left; returns its Morton code too. `buffer_bytes` is for reading all of its parts.
-    pub(crate) fn take_chunk(&mut self, buffer_bytes: u64) -> Option<(u64, ChunkRecords<'_>)> {
-        let (code, pieces) = self.chunks.pop_first()?;
+    /// The Morton code of the first chunk that is left, and the number of frames at which it has records.
+    pub(crate) fn next_chunk(&self) -> Option<(u64, u64)> {
+        let &(code, _) = self.chunks.keys().next()?;
+        Some((code, self.chunks.range((code, 0)..=(code, u32::MAX)).count() as u64))
+    }
+
+    /// Removes the records of the first chunk that is left, at its first frame; returns its Morton code and the frame too. `buffer_bytes` is
+    /// for reading all of its parts.
+    pub(crate) fn take_chunk(&mut self, buffer_bytes: u64) -> Option<(u64, u32, ChunkRecords<'_>)> {
+        let ((code, frame), pieces) = self.chunks.pop_first()?;
         let most = (buffer_bytes as usize / pieces.len().max(1)).clamp(1 << 12, 1 << 16);
         let cursors = pieces.into_iter().map(|piece| Cursor::new(piece, most)).collect();
-        Some((code, ChunkRecords { cursors, scratch: &self.scratch }))
+        Some((code, frame, ChunkRecords { cursors, scratch: &self.scratch }))
     }
 }
 
@@ -416,7 +443,7 @@ mod tests {
         let mut stored = store.into_parts().unwrap();
         assert_eq!((stored.chunks.len(), &stored.ids[..]), (2, &[1, 2, 3, 4, 5, 6][..]));
         let mut all = Vec::new();
-        while let Some((chunk, mut records)) = stored.take_chunk(1 << 13) {
+        while let Some((chunk, _, mut records)) = stored.take_chunk(1 << 13) {
             while let Some((id, count)) = records.next_label().unwrap() {
                 let mut cells = Vec::new();
                 while (cells.len() as u64) < count {

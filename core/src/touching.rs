@@ -36,8 +36,8 @@ type Faces = [[Vec<FaceCell>; 3]; 2];
 /// The pairs found so far, and the upper faces of chunks whose upper neighbours are still to come.
 pub(crate) struct Touching<'a> {
     pairs: FxHashMap<u64, ()>,
-    /// By axis and lowest voxel of the chunk that lies behind the face.
-    faces: FxHashMap<(usize, [u32; 3]), Spool<'a>>,
+    /// By frame, axis and lowest voxel of the chunk that lies behind the face.
+    faces: FxHashMap<(u32, usize, [u32; 3]), Spool<'a>>,
     scratch: &'a Scratch,
     /// Bytes of a face that stay in memory.
     face_bytes: u64,
@@ -62,12 +62,14 @@ impl<'a> Touching<'a> {
         Ok(())
     }
 
-    /// Takes up the chunk at `origin`. Where `within` is false, the pairs within the chunk are known.
+    /// Takes up the chunk at `origin` at a frame. Where `within` is false, the pairs within the chunk are known. Labels touch where they do
+    /// so at some frame.
     ///
     /// # Errors
     /// [`Error::Caller`] where two labels claim one voxel.
     pub(crate) fn chunk(
         &mut self,
+        frame: u32,
         origin: [u32; 3],
         layers: &Layers<'_>,
         within: bool,
@@ -94,7 +96,7 @@ impl<'a> Touching<'a> {
         }
         let [lower, upper] = faces;
         for (axis, cells) in lower.into_iter().enumerate() {
-            if let Some(other) = self.faces.remove(&(axis, origin)) {
+            if let Some(other) = self.faces.remove(&(frame, axis, origin)) {
                 let mut before = Vec::new();
                 other.reader().values((other.len() / size_of::<FaceCell>() as u64) as usize, &mut before)?;
                 let pairs = across(&before, &cells, axis)?;
@@ -106,7 +108,7 @@ impl<'a> Touching<'a> {
             behind[axis] += CHUNK_VOXELS;
             let mut face = Spool::new(self.scratch, self.face_bytes);
             face.write(bytemuck::cast_slice(&cells))?;
-            self.faces.insert((axis, behind), face);
+            self.faces.insert((frame, axis, behind), face);
         }
         Ok(())
     }

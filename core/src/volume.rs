@@ -89,6 +89,17 @@ pub struct CompressedVolume {
     pub(crate) held: Option<Vec<bool>>,
     /// Where the boxes are that are not in memory; `None` where all are.
     pub(crate) pages: Option<Arc<Pages>>,
+    /// The frame of a time series that the volume is.
+    pub(crate) frame: Option<FrameOf>,
+}
+
+/// Which frame of how many of a time series.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub struct FrameOf {
+    /// The frame, counted from 0.
+    pub number: u32,
+    /// Number of frames of the series.
+    pub frames: u32,
 }
 
 impl CompressedVolume {
@@ -106,6 +117,7 @@ impl CompressedVolume {
             hash: OnceLock::new(),
             held: None,
             pages: None,
+            frame: None,
         }
     }
 
@@ -113,6 +125,12 @@ impl CompressedVolume {
     #[inline]
     pub fn holds(&self, label: u32) -> bool {
         self.held.as_ref().is_none_or(|held| held.get(label as usize).is_some_and(|&h| h))
+    }
+
+    /// The frame of a time series that the volume is; `None` of other volumes. Its table has the labels of all frames, with the voxels that
+    /// each has at this frame, which may be none, and with all pairs that touch at some frame.
+    pub fn frame(&self) -> Option<FrameOf> {
+        self.frame
     }
 
     /// Whether the volume holds all labels of its table.

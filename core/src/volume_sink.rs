@@ -3,6 +3,7 @@
 use crate::chunk_boxes::ChunkBoxes;
 use crate::chunk_nodes::ChunkNodes;
 use crate::finish::{Budget, ChunkSink};
+use crate::layers::Layers;
 use crate::reserve::make_room;
 use crate::{BoxRecord, Chunk, CompressedVolume, Error, Job, Result, VolumeInfo};
 
@@ -41,29 +42,39 @@ impl VolumeSink {
 }
 
 impl ChunkSink for VolumeSink {
-    fn chunk(&mut self, boxes: &ChunkBoxes<'_>, budget: &Budget, job: &Job) -> Result<()> {
-        let chunk = ChunkNodes::new(boxes, budget, job)?;
+    fn layers(&mut self, _: &ChunkBoxes<'_>, _: &Layers<'_>, _: &Job) -> Result<()> {
+        Ok(())
+    }
+
+    /// Takes the boxes of a chunk. A volume in memory has one frame.
+    fn chunk(&mut self, frames: &[ChunkBoxes<'_>], budget: &Budget, job: &Job) -> Result<()> {
+        let chunk = ChunkNodes::new(frames, budget, job)?;
         let Self { volume, boxes, nodes, bytes, limit_bytes } = self;
-        volume.chunks.push(Chunk {
-            origin: chunk.boxes.cell.map(|c| 4 * c),
-            first_box: boxes.len() as u64,
-            first_run: volume.runs.len() as u64,
-            node_base: nodes.len() as u64,
-        });
-        *bytes += chunk.leaves.bytes() + size_of_val(&chunk.boxes.runs[..]) as u64;
-        make_room(&mut volume.runs, chunk.boxes.runs.len(), "the boxes of the volume")?;
-        volume.runs.extend_from_slice(&chunk.boxes.runs);
-        chunk.for_each_batch(job, |batch| {
-            *bytes += (size_of_val(batch.records) + size_of_val(batch.nodes)) as u64;
-            // Beyond the limit, boxes and nodes are only counted, so that the error can say what would suffice.
-            if limit_bytes.is_none_or(|limit| *bytes <= limit / 2) {
-                make_room(boxes, batch.records.len(), "the boxes of the volume")?;
-                boxes.extend_from_slice(batch.records);
-                make_room(nodes, batch.nodes.len(), "the nodes of the volume")?;
-                nodes.extend_from_slice(batch.nodes);
-            }
-            Ok(())
-        })?;
+        let node_base = nodes.len() as u64;
+        *bytes += chunk.leaves.bytes();
+        let mut writer = chunk.writer()?;
+        for frame in frames {
+            volume.chunks.push(Chunk {
+                origin: frame.cell.map(|c| 4 * c),
+                first_box: boxes.len() as u64,
+                first_run: volume.runs.len() as u64,
+                node_base,
+            });
+            *bytes += size_of_val(&frame.runs[..]) as u64;
+            make_room(&mut volume.runs, frame.runs.len(), "the boxes of the volume")?;
+            volume.runs.extend_from_slice(&frame.runs);
+            writer.frame(frame, job, |batch| {
+                *bytes += (size_of_val(batch.records) + size_of_val(batch.nodes)) as u64;
+                // Beyond the limit, boxes and nodes are only counted, so that the error can say what would suffice.
+                if limit_bytes.is_none_or(|limit| *bytes <= limit / 2) {
+                    make_room(boxes, batch.records.len(), "the boxes of the volume")?;
+                    boxes.extend_from_slice(batch.records);
+                    make_room(nodes, batch.nodes.len(), "the nodes of the volume")?;
+                    nodes.extend_from_slice(batch.nodes);
+                }
+                Ok(())
+            })?;
+        }
         if boxes.len() > u32::MAX as usize {
             let (limit, got) = (u32::MAX.into(), boxes.len() as u64);
             return Err(Error::Limit { what: "boxes".into(), limit, got });

@@ -116,6 +116,7 @@ fn written_files_are_those_that_are_saved() {
                     WrittenVolume {
                         dims,
                         labels: whole.labels().len() as u64,
+                        frames: 1,
                         boxes: whole.boxes().len() as u64,
                         bytes_volume,
                         bytes_disk: expected.len() as u64,

@@ -1,6 +1,5 @@
 //! A folder of TIFF slices: one plane per file, in the order of the numbers in the file names.
 
-use std::cmp::Ordering;
 use std::path::{Path, PathBuf};
 
 use pumice_core::VolumeInfo;
@@ -9,6 +8,7 @@ use crate::choice::{self, refuse_absent};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::Layout;
+use crate::natural_order::natural;
 use crate::options::OpenOptions;
 use crate::placement;
 use crate::slice_numbers::{Gap, gap};
@@ -109,43 +109,4 @@ fn refuse_gap(folder: &Path, files: &[PathBuf]) -> Result<()> {
             "slice number {missing} is missing between {before} and {after}{more}: add it, or number the slices without a gap"
         ),
     ))
-}
-
-/// Orders `slice9 < slice10`: runs of digits compare as numbers, everything else as text.
-fn natural(a: &str, b: &str) -> Ordering {
-    let (mut a_rest, mut b_rest) = (a, b);
-    loop {
-        let digits = |s: &str| s.bytes().take_while(u8::is_ascii_digit).count();
-        let (n, m) = (digits(a_rest), digits(b_rest));
-        if n > 0 && m > 0 {
-            let (x, y) = (a_rest[..n].trim_start_matches('0'), b_rest[..m].trim_start_matches('0'));
-            // Without leading zeros, the longer number is greater.
-            let order = x.len().cmp(&y.len()).then_with(|| x.cmp(y));
-            if order != Ordering::Equal {
-                return order;
-            }
-            (a_rest, b_rest) = (&a_rest[n..], &b_rest[m..]);
-            continue;
-        }
-        match (a_rest.chars().next(), b_rest.chars().next()) {
-            (Some(x), Some(y)) if x == y => {
-                (a_rest, b_rest) = (&a_rest[x.len_utf8()..], &b_rest[y.len_utf8()..]);
-            }
-            // The names differ in leading zeros only, so any fixed order will do.
-            (None, None) => return a.cmp(b),
-            (x, y) => return x.cmp(&y),
-        }
-    }
-}
-
-#[cfg(test)]
-mod tests {
-    use super::*;
-
-    #[test]
-    fn numbers_sort_as_numbers() {
-        let mut names = ["s10", "s9", "s010b", "s1", "t2", "s2x3", "s2x20", "s"];
-        names.sort_by(|a, b| natural(a, b));
-        assert_eq!(names, ["s", "s1", "s2x3", "s2x20", "s9", "s10", "s010b", "t2"]);
-    }
 }

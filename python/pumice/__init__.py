@@ -26,6 +26,7 @@ from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices
 from .reference_picture import ReferencePicture
 from .renderer import Renderer
 from .scene import Scene, figure
+from .series import compress_series
 from .session import Frame, LabelFilm, Pick, Session, Status
 from .surface import count_faces, surface
 from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, distinct_colors, open, probe
@@ -65,6 +66,7 @@ __all__ = [
     "chunk_count",
     "compress",
     "compress_part",
+    "compress_series",
     "count_faces",
     "cryptomatte_hash",
     "devices",

@@ -16,6 +16,7 @@ from typing import Any
 import numpy as np
 import numpy.typing as npt
 
+from . import dimension_names
 from .errors import InputError
 
 # The voxels of a chunk along x, y and z: the first, and the one after the last.
@@ -39,6 +40,28 @@ class Transposed:
         of_array = tuple(cut[self._order.index(axis)] for axis in range(3))
         piece: npt.NDArray[Any] = np.asanyarray(self._array[of_array])
         return piece.transpose(self._order)
+
+
+class Frame:
+    """A time step of an array of four axes, of which time is the first: an array of three axes, which reads what is sliced."""
+
+    def __init__(self, array: Any, step: int) -> None:
+        self._array, self._step = array, step
+        self.dtype, self.shape = array.dtype, tuple(array.shape[1:])
+        strides, chunks = getattr(array, "strides", None), getattr(array, "chunks", None)
+        self.strides = None if strides is None else strides[1:]
+        self.chunks = chunks[1:] if isinstance(chunks, (tuple, list)) else None
+        # What says which axis is which (`dimension_names`).
+        names = dimension_names.names_of(array)
+        if names and names[0].strip().lower() not in ("t", "time", ""):
+            raise InputError(f"source: expected time as the first axis, because the array names its axes {', '.join(names)}")
+        self.dims = names[1:]
+        if dimension_names.is_stored(array):
+            self.attrs: dict[str, Any] = {}
+
+    def __getitem__(self, cut: tuple[slice, slice, slice]) -> npt.NDArray[Any]:
+        piece: npt.NDArray[Any] = np.asanyarray(self._array[(self._step, *cut)])
+        return piece
 
 
 def label_type(array: Any) -> str:

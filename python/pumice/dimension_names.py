@@ -31,21 +31,21 @@ def order_of(array: Any, axes: Axes | None) -> Order:
     """
     if axes is not None and axes not in ORDERS:
         raise InputError(f"axes: expected 'xyz' or 'zyx' for an array, got {axes!r}")
-    names = _names_of(array)
+    names = names_of(array)
     letters = [name.strip().lower() for name in names]
     if sorted(letters) == ["x", "y", "z"]:
         own = (letters.index("x"), letters.index("y"), letters.index("z"))
         if axes is not None and ORDERS[axes] != own:
             raise InputError(f"axes: expected no order, because the array names its axes {', '.join(names)}; got {axes!r}")
         return own
-    if axes is None and (names or _is_stored(array)) and len(array.shape) == 3:
+    if axes is None and (names or is_stored(array)) and len(array.shape) == 3:
         kind = f"{type(array).__module__.split('.')[0]} {type(array).__name__}"
         named = f"names its axes {', '.join(name[:MOST_LETTERS] or '(none)' for name in names)}" if names else "does not name its axes"
         raise InputError(f"axes: expected 'zyx' or 'xyz', because this array ({kind}) {named}; most programs store array[z, y, x]")
     return ORDERS[axes or "xyz"]
 
 
-def _names_of(array: Any) -> tuple[str, ...]:
+def names_of(array: Any) -> tuple[str, ...]:
     """Names of the axes in their order; none where the array has none."""
     for found in (
         getattr(getattr(array, "metadata", None), "dimension_names", None),
@@ -67,5 +67,6 @@ def _attribute(array: Any, name: str) -> Any:
     return read(name) if callable(read) else None
 
 
-def _is_stored(array: Any) -> bool:
+def is_stored(array: Any) -> bool:
+    """Whether an array is in a file, as far as it can be told."""
     return hasattr(array, "attrs") and hasattr(array, "chunks")

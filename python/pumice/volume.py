@@ -179,6 +179,19 @@ class Volume:
         return bool(self._facts["is_whole"])
 
     @property
+    def time_step(self) -> int | None:
+        """The time step that the volume is, counted from 0; None where its file has one volume. Its table has the labels of all time steps; those
+        that are not there have 0 voxels and empty bounds. It cannot be saved."""
+        step = self._facts["time_step"]
+        return None if step is None else int(step)
+
+    @property
+    def time_steps(self) -> int | None:
+        """Number of time steps of the file; None where it has one volume."""
+        steps = self._facts["time_steps"]
+        return None if steps is None else int(steps)
+
+    @property
     def boxes(self) -> int:
         """Number of boxes."""
         return int(self._facts["boxes"])

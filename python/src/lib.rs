@@ -19,6 +19,7 @@ mod picture;
 mod reference_picture;
 mod renderer;
 mod scene;
+mod series;
 mod surface;
 mod volume;
 mod waiting;
@@ -60,6 +61,8 @@ mod _native {
     use crate::renderer::Renderer;
     #[pymodule_export]
     use crate::scene::{Scene, figure, turntable};
+    #[pymodule_export]
+    use crate::series::compress_series;
     #[pymodule_export]
     use crate::surface::{count_faces, surface};
     #[pymodule_export]

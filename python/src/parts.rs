@@ -3,10 +3,10 @@
 use std::path::PathBuf;
 
 use pumice_core::{
-    ChunkGrid, ChunkSet, CompressOptions, Error as CoreError, Outputs, PartSource, VoxelRegion,
-    compress_part as core_part, merge_parts,
+    ChunkGrid, ChunkSet, CompressOptions, Outputs, PartSource, VoxelRegion, compress_part as core_part,
+    merge_parts,
 };
-use pumice_session::{PartRequest, SessionError};
+use pumice_session::{PartRequest, SessionError, describing};
 use pyo3::prelude::*;
 use serde_json::json;
 
@@ -94,26 +94,10 @@ pub(crate) fn merge(
         let outputs = Outputs::default();
         outputs.declare(&out)?;
         parts.iter().try_for_each(|part| outputs.check_input(part))?;
-        let (mut notes, mut failure) = (Vec::new(), None);
-        let mut describe = |volume: &mut pumice_core::CompressedVolume| {
-            let Some(table) = table else { return Ok(()) };
-            match pumice_session::annotate(volume, table, Vec::new()) {
-                Ok(fit) => {
-                    notes = fit.notes;
-                    Ok(())
-                }
-                Err(error) => {
-                    // The error itself is returned below.
-                    failure = Some(error);
-                    Err(CoreError::Cancelled)
-                }
-            }
-        };
-        let written = merge_parts(&parts, &out, level, &options, &mut describe, &job);
-        match failure {
-            Some(error) => Err(error),
-            None => Ok::<_, SessionError>((written?, notes)),
-        }
+        let table = table.map(|table| (table, Vec::new()));
+        let (written, fit) =
+            describing(table, |describe| Ok(merge_parts(&parts, &out, level, &options, describe, &job)?))?;
+        Ok::<_, SessionError>((written, fit.map_or_else(Vec::new, |fit| fit.notes)))
     })?;
     let told = json!({
         "dims": written.dims,

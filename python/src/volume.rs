@@ -104,7 +104,6 @@ pub(crate) fn reading(
     })
 }
 
-/// The value of a keyword that has a text form.
 /// What a volume is written as: format, version of OME, shards, encoding, gzip and side of a chunk; a `pumice.arguments.WriteAs`.
 type WriteAs = (Option<String>, Option<String>, bool, Option<String>, bool, Option<u32>);
 
@@ -134,7 +133,8 @@ fn writing(
     })
 }
 
-fn parsed<T: FromStr<Err = String>>(keyword: &str, text: Option<String>) -> PyResult<Option<T>> {
+/// The value of a keyword that has a text form.
+pub(crate) fn parsed<T: FromStr<Err = String>>(keyword: &str, text: Option<String>) -> PyResult<Option<T>> {
     text.map(|text| text.parse::<T>().map_err(|e| input(&format_args!("{keyword}: {e}")))).transpose()
 }
 
@@ -154,6 +154,8 @@ impl Volume {
             "boxes": v.boxes().len(),
             "is_whole": v.is_whole(),
             "type_names": v.labels().type_names(),
+            "time_step": v.frame().map(|of| of.number),
+            "time_steps": v.frame().map(|of| of.frames),
         })
         .to_string()
     }
@@ -468,8 +470,8 @@ pub(crate) enum Source {
 #[derive(FromPyObject)]
 pub(crate) struct Blocks {
     /// Dims, label type, matrix, unit, names: the JSON form of `pumice_core::VolumeInfo`.
-    info: String,
-    next: Py<PyAny>,
+    pub(crate) info: String,
+    pub(crate) next: Py<PyAny>,
 }
 
 /// What a caller says about labels.
@@ -562,11 +564,11 @@ pub(crate) fn with_source<T: Send>(
 }
 
 /// See [`Blocks`].
-struct BlocksOfPython<'a> {
-    info: VolumeInfo,
-    next: Py<PyAny>,
+pub(crate) struct BlocksOfPython<'a> {
+    pub(crate) info: VolumeInfo,
+    pub(crate) next: Py<PyAny>,
     /// The exception that Python raised; it is raised again where the call began.
-    raised: &'a Mutex<Option<PyErr>>,
+    pub(crate) raised: &'a Mutex<Option<PyErr>>,
 }
 
 impl BlockSource for BlocksOfPython<'_> {

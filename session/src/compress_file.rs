@@ -3,22 +3,24 @@
 use std::path::{Path, PathBuf};
 
 use pumice_core::{
-    CompressOptions, CompressedVolume, CompressionLevel, Job, Outputs, TypeTable, Verification,
-    WrittenVolume, compress_to_file, read_input,
+    CompressOptions, CompressedVolume, CompressionLevel, Job, Outputs, Series, SeriesSource, TypeTable,
+    Verification, WrittenVolume, compress_series_to_file, compress_to_file, frames_in_file, read_input,
 };
-use pumice_formats::OpenOptions;
+use pumice_formats::{OpenOptions, TimeSteps, is_pattern, open_series};
 use serde::Serialize;
 
 use crate::error::{Result, SessionError, io};
-use crate::label_files::{TableFit, annotate, read_table};
+use crate::label_files::{Describe, TableFit, describing, read_table};
 use crate::measure::Stopwatch;
 use crate::resumable::check_no_leftovers;
 
 /// Input, output and options of [`compress_file`].
 #[derive(Clone, Debug)]
 pub struct CompressRequest {
-    /// Label volume.
-    pub input: PathBuf,
+    /// Label volume; several files, or a name with `{t}` in place of a number, are the frames of a time series.
+    pub inputs: Vec<PathBuf>,
+    /// Which time steps of the input become frames of one file; `None` where the input is one volume, or all of a series of files.
+    pub time_steps: Option<TimeSteps>,
     /// The `.pumice` file.
     pub output: PathBuf,
     /// How to read the input.
@@ -35,6 +37,29 @@ pub struct CompressRequest {
     pub table: Option<PathBuf>,
 }
 
+impl CompressRequest {
+    /// The only input of a compression that takes one volume alone.
+    ///
+    /// # Errors
+    /// For a time series, which names the option that takes none.
+    pub fn one_input(&self, option: &str) -> Result<&Path> {
+        one_input(&self.inputs, option)
+    }
+}
+
+/// The only one of some inputs.
+///
+/// # Errors
+/// Where there are several, or a name stands for several, with the option that takes one volume.
+pub fn one_input<'i>(inputs: &'i [PathBuf], option: &str) -> Result<&'i Path> {
+    match inputs {
+        [input] if !is_pattern(input) => Ok(input),
+        _ => Err(SessionError::Caller(format!(
+            "{option} takes one volume, and several files are a time series: compress it without {option}"
+        ))),
+    }
+}
+
 /// Sizes and times of a compression.
 #[derive(Clone, Debug, Serialize)]
 pub struct CompressOutcome {
@@ -44,11 +69,14 @@ pub struct CompressOutcome {
     pub cpu_seconds: f64,
     /// Voxels along x, y, z.
     pub dims: [u32; 3],
+    /// Number of frames of a time series; `None` where the file has one volume.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_steps: Option<u32>,
     /// Number of labels, without the background.
     pub labels: u64,
-    /// Number of boxes.
+    /// Number of boxes, of all frames.
     pub boxes: u64,
-    /// Size of the raw volume at four bytes per voxel.
+    /// Size of the raw volume, with all frames, at four bytes per voxel.
     pub bytes_raw: u64,
     /// Bytes of the file.
     pub bytes_disk: u64,
@@ -72,16 +100,25 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
     outputs.declare(&request.output)?;
     check_no_leftovers(&request.output)?;
     let labels = LabelsGiven::read(request.types.as_deref(), request.table.as_deref(), outputs)?;
-    let mut source = pumice_formats::open(&request.input, &request.reading)?;
+    let series = open_series(&request.inputs, request.time_steps, &request.reading)?;
     let options = CompressOptions {
         threads: request.threads.unwrap_or(0),
         memory_limit_bytes: request.memory_limit_bytes,
         types: labels.types.clone(),
         ..CompressOptions::default()
     };
-    let (written, fit) = labels.describing(|describe| {
-        compress_to_file(source.as_mut(), &request.output, request.level, &options, describe, job)
-            .map_err(|e| limit_error(e, &request.input, request.memory_limit_bytes))
+    let (to, level, limit) = (&request.output, request.level, request.memory_limit_bytes);
+    let (written, fit) = labels.describing(|describe| match (series, &request.inputs[..]) {
+        (Some(mut series), [input, ..]) => {
+            compress_series_to_file(&mut series, to, level, &options, describe, job)
+                .map_err(|e| limit_error(e, input, limit))
+        }
+        (None, [input, ..]) => {
+            let mut source = pumice_formats::open(input, &request.reading)?;
+            compress_to_file(source.as_mut(), to, level, &options, describe, job)
+                .map_err(|e| limit_error(e, input, limit))
+        }
+        (_, []) => Err(SessionError::Caller("expected a label volume, got none".into())),
     })?;
     Ok(CompressOutcome::of(&written, &clock, request.reading.warnings.list(), fit))
 }
@@ -111,9 +148,13 @@ impl CompressOutcome {
             seconds: clock.seconds(),
             cpu_seconds: clock.cpu_seconds(),
             dims: written.dims,
+            time_steps: (written.frames > 1).then_some(written.frames),
             labels: written.labels,
             boxes: written.boxes,
-            bytes_raw: written.dims.iter().fold(4, |bytes: u64, &d| bytes.saturating_mul(d.into())),
+            bytes_raw: written
+                .dims
+                .iter()
+                .fold(4 * u64::from(written.frames), |bytes, &d| bytes.saturating_mul(d.into())),
             bytes_disk: written.bytes_disk,
             bytes_volume: written.bytes_volume,
             warnings,
@@ -121,9 +162,6 @@ impl CompressOutcome {
         }
     }
 }
-
-/// Gives names, types and numbers to the labels of a volume without boxes.
-pub(crate) type Describe<'d> = &'d mut (dyn FnMut(&mut CompressedVolume) -> pumice_core::Result<()> + Send);
 
 /// What a caller says of the labels, read before the work.
 pub(crate) struct LabelsGiven {
@@ -143,37 +181,69 @@ impl LabelsGiven {
         self,
         write: impl FnOnce(Describe<'_>) -> Result<T>,
     ) -> Result<(T, Option<TableFit>)> {
-        let (mut fit, mut failure, mut table) = (None, None, self.table);
-        let mut describe = |volume: &mut CompressedVolume| {
-            let Some((table, notes)) = table.take() else { return Ok(()) };
-            match annotate(volume, &table, notes) {
-                Ok(of_table) => {
-                    fit = Some(of_table);
-                    Ok(())
-                }
-                Err(error) => {
-                    // The error itself is returned below.
-                    failure = Some(error);
-                    Err(pumice_core::Error::Cancelled)
-                }
-            }
-        };
-        let written = write(&mut describe);
-        match failure {
-            Some(error) => Err(error),
-            None => Ok((written?, fit)),
+        describing(self.table.as_ref().map(|(table, notes)| (table, notes.clone())), write)
+    }
+}
+
+/// What [`verify_file`] found.
+#[derive(Clone, Debug)]
+pub struct Verified {
+    /// The last frame of a time series that was compared; `None` where the file has one volume.
+    pub time_step: Option<u32>,
+    /// Whether all voxels are the same, or the first difference.
+    pub found: Verification,
+}
+
+impl std::fmt::Display for Verified {
+    fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
+        match self.time_step {
+            Some(step) => write!(f, "time step {step}: {}", self.found),
+            None => self.found.fmt(f),
         }
     }
 }
 
-/// Compares every voxel and id of a `.pumice` file with a label volume.
+/// Compares every voxel and id of a `.pumice` file with a label volume. Of a time series it compares the time step that `reading` chooses, or
+/// all of them with the time steps of `inputs`.
 ///
 /// # Errors
-/// When either file cannot be read to its end.
-pub fn verify_file(pumice: &Path, input: &Path, reading: &OpenOptions, job: &Job) -> Result<Verification> {
-    let volume = CompressedVolume::open(pumice, job)?;
-    let mut source = pumice_formats::open(input, reading)?;
-    Ok(pumice_core::verify(&volume, source.as_mut(), job)?)
+/// When a file cannot be read to its end; where the numbers of time steps differ.
+pub fn verify_file(pumice: &Path, inputs: &[PathBuf], reading: &OpenOptions, job: &Job) -> Result<Verified> {
+    let Some(input) = inputs.first() else {
+        return Err(SessionError::Caller("expected a label volume, got none".into()));
+    };
+    if frames_in_file(pumice)? == 1 {
+        let volume = CompressedVolume::open(pumice, job)?;
+        let mut source = pumice_formats::open(input, reading)?;
+        return Ok(Verified { time_step: None, found: pumice_core::verify(&volume, source.as_mut(), job)? });
+    }
+    let series = Series::open(pumice, job)?;
+    let is_one = inputs.len() == 1 && !is_pattern(input);
+    if let Some(step) = reading.time.filter(|_| is_one) {
+        // A file of one time step is compared as it is.
+        let all = OpenOptions { time: None, ..reading.clone() };
+        let has_several = pumice_formats::probe(input, &all)?.choices.iter().any(|c| c.keyword == "time");
+        let mut source = pumice_formats::open(input, if has_several { reading } else { &all })?;
+        let found = pumice_core::verify(&series.frame(step, job)?, source.as_mut(), job)?;
+        return Ok(Verified { time_step: Some(step), found });
+    }
+    let steps = is_one.then_some(TimeSteps::All);
+    let Some(sources) = open_series(inputs, steps, reading)?.filter(|s| s.frames() == series.frames()) else {
+        let (at, expected) = (pumice.display(), series.frames());
+        return Err(SessionError::Caller(format!(
+            "{at}: the file has {expected} time steps, and {} has another number of them",
+            input.display()
+        )));
+    };
+    let mut voxels = 0;
+    for step in 0..series.frames() {
+        let mut source = sources.open(step)?;
+        match pumice_core::verify(&series.frame(step, job)?, source.as_mut(), job)? {
+            Verification::Same { voxels: more } => voxels += more,
+            found => return Ok(Verified { time_step: Some(step), found }),
+        }
+    }
+    Ok(Verified { time_step: None, found: Verification::Same { voxels } })
 }
 
 /// Largest table of types that is read: 10⁷ labels with names of some 90 bytes.

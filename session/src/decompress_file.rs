@@ -1,15 +1,17 @@
 //! Writes the labels of a `.pumice` file in a format of other programs: files by their ending, and folders of chunks.
 
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
-use pumice_core::{AnnotationTable, CompressedVolume, Job, NumericColumn, Outputs};
+use pumice_core::{AnnotationTable, CompressedVolume, Job, NumericColumn, Outputs, Series};
 use pumice_formats::write::write_volume;
 use pumice_formats::write_store::{
     CHUNK_SIDE, OmeVersion, PrecomputedEncoding, StoreFormat, check_is_free, write_store,
 };
+use pumice_formats::{OpenOptions, is_pattern};
 
 use crate::error::{Result, SessionError};
 use crate::label_rows::LabelRows;
+use crate::open::{Kind, kind_of, open_frame};
 
 /// What a volume is written as, as the caller says it.
 #[derive(Clone, Debug, Default)]
@@ -95,20 +97,55 @@ impl WriteAs {
     }
 }
 
-/// Writes the labels of a `.pumice` file. Returns what the format does not hold, a line each; files say it in their documentation alone.
+/// Writes the labels of a `.pumice` file. Of a time series it writes one time step; where the name of `out` has `{t}`, all of them, each into an
+/// output with its number there. Returns what the format does not hold, a line each; files say it in their documentation alone.
 ///
 /// # Errors
-/// As [`write_labels_of`]; when the file is damaged.
-pub fn decompress_file(pumice: &Path, out: &Path, how: &WriteAs, job: &Job) -> Result<Vec<String>> {
-    // Mistakes in the request show before the volume is read.
-    if how.store(out)?.is_some() {
-        check_is_free(out)?;
-    } else {
-        let outputs = Outputs::default();
-        outputs.declare(out)?;
-        outputs.check_input(pumice)?;
+/// As [`write_labels_of`]; when the file is damaged; for a time step that the file does not have.
+pub fn decompress_file(
+    pumice: &Path,
+    out: &Path,
+    time_step: Option<u32>,
+    how: &WriteAs,
+    job: &Job,
+) -> Result<Vec<String>> {
+    if !is_pattern(out) {
+        check_output(pumice, out, how)?;
+        let reading = OpenOptions { time: time_step, ..OpenOptions::default() };
+        let volume = match kind_of(pumice, &reading)? {
+            Kind::Series => open_frame(pumice, &reading, None, job)?,
+            Kind::Compressed | Kind::Foreign => CompressedVolume::open(pumice, job)?,
+        };
+        return write_labels_of(&volume, out, how, job);
     }
-    write_labels_of(&CompressedVolume::open(pumice, job)?, out, how, job)
+    if let Some(step) = time_step {
+        let out = out.display();
+        return Err(SessionError::Caller(format!(
+            "--time-step {step}: {out} names an output for each time step; name one without {{t}} for one"
+        )));
+    }
+    let series = Series::open(pumice, job)?;
+    // Numbers of equal length, so that names in the order of letters are in the order of time.
+    let digits = (series.frames() - 1).to_string().len().max(4);
+    let name = |step: u32| PathBuf::from(out.to_string_lossy().replace("{t}", &format!("{step:0digits$}")));
+    let names: Vec<PathBuf> = (0..series.frames()).map(name).collect();
+    names.iter().try_for_each(|out| check_output(pumice, out, how))?;
+    let mut notes = Vec::new();
+    for (step, out) in (0..).zip(&names) {
+        // What a format does not hold is the same at all time steps.
+        notes = write_labels_of(&series.frame(step, job)?, out, how, job)?;
+    }
+    Ok(notes)
+}
+
+/// Mistakes in the request show before a volume is read.
+fn check_output(pumice: &Path, out: &Path, how: &WriteAs) -> Result<()> {
+    if how.store(out)?.is_some() {
+        return Ok(check_is_free(out)?);
+    }
+    let outputs = Outputs::default();
+    outputs.declare(out)?;
+    Ok(outputs.check_input(pumice)?)
 }
 
 /// Writes the labels of a volume, as [`decompress_file`] does.

@@ -5,7 +5,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use glam::DAffine3;
-use pumice_core::{CompressedVolume, Job, LabelQuery};
+use pumice_core::{CompressedVolume, Job, LabelQuery, Series};
 use pumice_cpu::traverse::{SceneTracer, TracedInstance, VolumeTracer};
 use pumice_formats::{OpenChoice, OpenOptions, orientation};
 use pumice_transport::geometry::LodChoice;
@@ -13,7 +13,7 @@ use serde::Serialize;
 
 use crate::error::{Result, SessionError, io};
 use crate::label_rows::LabelRows;
-use crate::open::is_compressed;
+use crate::open::{Kind, Residence, kind_of, open_frame, open_volume};
 use crate::render_file::hash_text;
 
 /// Summary of a file of either kind. The JSON form has the fields of that kind and `kind`.
@@ -22,6 +22,8 @@ use crate::render_file::hash_text;
 pub enum FileInfo {
     /// A `.pumice` file.
     Pumice(PumiceInfo),
+    /// A `.pumice` file of a time series, of which no time step is chosen.
+    Series(SeriesInfo),
     /// A label volume in another format, from its header.
     Source(SourceInfo),
 }
@@ -46,7 +48,13 @@ pub struct PumiceInfo {
     pub content_hash: String,
     /// Size of the raw volume at four bytes per voxel.
     pub bytes_raw: u64,
+    /// Bytes of the file; of a time series, with all time steps.
     pub bytes_disk: u64,
+    /// The time step that is described, and how many there are; `None` where the file has one volume.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_step: Option<u32>,
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_steps: Option<u32>,
     /// Bytes of the compressed form in memory: `resident_parts` without `bricks` and `acceleration`.
     pub bytes_volume: u64,
     /// Sum of `resident_parts`: what a process holds that traces all labels by their voxels.
@@ -56,6 +64,34 @@ pub struct PumiceInfo {
     /// The same where some labels alone are shown: only of [`shown_info`].
     #[serde(skip_serializing_if = "Option::is_none")]
     pub shown: Option<ShownInfo>,
+}
+
+/// Summary of a `.pumice` file of a time series.
+#[derive(Clone, Debug, Serialize)]
+#[allow(missing_docs, reason = "the names are the JSON contract")]
+pub struct SeriesInfo {
+    pub time_steps: u32,
+    pub dims: [u32; 3],
+    pub spacing: [f64; 3],
+    pub unit: String,
+    pub frame: String,
+    /// Letters of the directions in which x, y and z run, such as `RAS`; `None` where the source did not say it.
+    pub orientation: Option<String>,
+    pub label_type: String,
+    pub world_from_centre: [[f64; 4]; 3],
+    /// Labels of all time steps.
+    pub labels: u64,
+    pub types: u64,
+    /// Pairs that touch at some time step.
+    pub touching_pairs: u64,
+    /// Boxes of all time steps.
+    pub boxes: u64,
+    pub content_hash: String,
+    /// Size of the raw volumes of all time steps at four bytes per voxel.
+    pub bytes_raw: u64,
+    pub bytes_disk: u64,
+    /// Bytes of the file by what they hold.
+    pub stored_parts: BTreeMap<String, u64>,
 }
 
 /// What a process holds that traces some labels of a `.pumice` file by their voxels, and reads no others.
@@ -161,11 +197,35 @@ pub fn expected_bytes(voxels: u64) -> u64 {
 /// # Errors
 /// One line that says what is wrong with the file; [`pumice_core::Error::Cancelled`] when `job` is cancelled.
 pub fn file_info(path: &Path, reading: &OpenOptions, job: &Job) -> Result<FileInfo> {
-    if is_compressed(path, reading)? {
-        pumice_info(path, job).map(FileInfo::Pumice)
-    } else {
-        source_info(path, reading).map(FileInfo::Source)
+    match kind_of(path, reading)? {
+        Kind::Foreign => source_info(path, reading).map(FileInfo::Source),
+        Kind::Series if reading.time.is_none() => series_info(path, job).map(FileInfo::Series),
+        Kind::Compressed | Kind::Series => pumice_info(path, reading, job).map(FileInfo::Pumice),
     }
+}
+
+fn series_info(path: &Path, job: &Job) -> Result<SeriesInfo> {
+    let bytes_disk = std::fs::metadata(path).map_err(io(path))?.len();
+    let series = Series::open(path, job)?;
+    let (info, labels) = (series.info(), series.labels());
+    Ok(SeriesInfo {
+        time_steps: series.frames(),
+        dims: info.dims,
+        spacing: info.spacing(),
+        unit: name(&info.unit)?,
+        frame: name(&info.frame)?,
+        orientation: orientation(info),
+        label_type: name(&info.label_type)?,
+        world_from_centre: rows(&info.world_from_centre()),
+        labels: labels.len() as u64,
+        types: labels.type_names().len() as u64,
+        touching_pairs: labels.contacts().len(),
+        boxes: series.boxes(),
+        content_hash: format!("{:032x}", series.content_hash()),
+        bytes_raw: info.voxels().saturating_mul(4).saturating_mul(series.frames().into()),
+        bytes_disk,
+        stored_parts: series.stored_parts().into_iter().map(|(part, bytes)| (part.into(), bytes)).collect(),
+    })
 }
 
 /// Adds to the summary of a `.pumice` file what a process holds that shows only the labels for which `query` holds, as `pumice render` does.
@@ -174,14 +234,15 @@ pub fn file_info(path: &Path, reading: &OpenOptions, job: &Job) -> Result<FileIn
 /// As [`file_info`]; a column that the volume does not have, a query that no label matches, and a file in another format, which can only be
 /// read whole.
 pub fn shown_info(path: &Path, query: &LabelQuery, reading: &OpenOptions, job: &Job) -> Result<FileInfo> {
-    if !is_compressed(path, reading)? {
+    let kind = kind_of(path, reading)?;
+    if kind == Kind::Foreign {
         return Err(SessionError::Caller(format!(
             "query: {} is not a .pumice file, and only those can be opened for some labels alone",
             path.display()
         )));
     }
-    let mut info = pumice_info(path, job)?;
-    let all = CompressedVolume::open(path, job)?;
+    let mut info = pumice_info(path, reading, job)?;
+    let all = open_volume(path, reading, Residence::Copied, job)?;
     let chosen =
         LabelRows::for_query(&all, query).matches(query).map_err(|e| SessionError::Caller(e.to_string()))?;
     drop(all);
@@ -189,7 +250,10 @@ pub fn shown_info(path: &Path, query: &LabelQuery, reading: &OpenOptions, job: &
     if labels == 0 {
         return Err(SessionError::Caller("query: no label of the volume matches".into()));
     }
-    let volume = Arc::new(CompressedVolume::open_labels(path, |_| chosen.clone(), job)?);
+    let volume = Arc::new(match kind {
+        Kind::Series => open_frame(path, reading, Some(&|_| chosen.clone()), job)?,
+        _ => CompressedVolume::open_labels(path, |_| chosen.clone(), job)?,
+    });
     let (resident_parts, bytes_volume) = parts_of(&volume, chosen)?;
     info.shown = Some(ShownInfo {
         labels,
@@ -212,9 +276,9 @@ fn parts_of(volume: &Arc<CompressedVolume>, visible: Vec<bool>) -> Result<(BTree
     Ok((parts, bytes_volume))
 }
 
-fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
+fn pumice_info(path: &Path, reading: &OpenOptions, job: &Job) -> Result<PumiceInfo> {
     let bytes_disk = std::fs::metadata(path).map_err(io(path))?.len();
-    let volume = Arc::new(CompressedVolume::open(path, job)?);
+    let volume = open_volume(path, reading, Residence::Copied, job)?;
     let (parts, bytes_volume) = parts_of(&volume, vec![true; volume.labels().len()])?;
 
     let (info, labels) = (volume.info(), volume.labels());
@@ -234,6 +298,8 @@ fn pumice_info(path: &Path, job: &Job) -> Result<PumiceInfo> {
         content_hash: hash_text(&volume),
         bytes_raw: info.voxels().saturating_mul(4),
         bytes_disk,
+        time_step: volume.frame().map(|of| of.number),
+        time_steps: volume.frame().map(|of| of.frames),
         bytes_volume,
         bytes_resident: parts.values().sum(),
         resident_parts: parts,

@@ -30,6 +30,39 @@ pub struct TableFit {
     pub notes: Vec<String>,
 }
 
+/// Gives names, types and numbers to the labels of a volume without boxes.
+pub type Describe<'d> = &'d mut (dyn FnMut(&mut CompressedVolume) -> pumice_core::Result<()> + Send);
+
+/// Calls `write` with the function that gives a volume's labels what a table says ([`annotate`]); returns how the table fits, too.
+///
+/// # Errors
+/// Those of `write` and of [`annotate`].
+pub fn describing<T>(
+    table: Option<(&AnnotationTable, Vec<String>)>,
+    write: impl FnOnce(Describe<'_>) -> Result<T>,
+) -> Result<(T, Option<TableFit>)> {
+    let (mut fit, mut failure, mut table) = (None, None, table);
+    let mut describe = |volume: &mut CompressedVolume| {
+        let Some((table, notes)) = table.take() else { return Ok(()) };
+        match annotate(volume, table, notes) {
+            Ok(of_table) => {
+                fit = Some(of_table);
+                Ok(())
+            }
+            Err(error) => {
+                // The error itself is returned below.
+                failure = Some(error);
+                Err(pumice_core::Error::Cancelled)
+            }
+        }
+    };
+    let written = write(&mut describe);
+    match failure {
+        Some(error) => Err(error),
+        None => Ok((written?, fit)),
+    }
+}
+
 /// Gives the labels of a volume what a table has for them. `notes` are those of the table's reader.
 ///
 /// # Errors

@@ -38,13 +38,16 @@ pub mod verify_render;
 
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
-pub use compress_file::{CompressOutcome, CompressRequest, compress_file, read_types, verify_file};
+pub use compress_file::{
+    CompressOutcome, CompressRequest, Verified, compress_file, one_input, read_types, verify_file,
+};
 pub use decompress_file::{StoreName, WriteAs, decompress_file, write_labels_of};
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info, shown_info};
 pub use label_files::{
-    TableFit, TableOutcome, TableRequest, annotate, parse_query, read_table, write_labels,
+    Describe, TableFit, TableOutcome, TableRequest, annotate, describing, parse_query, read_table,
+    write_labels,
 };
 pub use label_rows::LabelRows;
 pub use live::{Frame, LabelFilm, Live, LiveOptions, LiveState, Status};
@@ -60,15 +63,16 @@ pub use pumice_core::{ChunkGrid, ChunkSet, CompressionLevel, Job, LabelType, Ver
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
 pub use pumice_formats::write_store::{OmeVersion, PrecomputedEncoding};
 pub use pumice_formats::{
-    ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings,
+    ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, TimeSteps,
+    Warnings,
 };
 pub use pumice_picture::annotate::{Annotations, Corner, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
 pub use render_file::{
-    PageFigures, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered, Subject,
-    TurntablePicture, render_file, render_turntable,
+    NumberedPicture, PageFigures, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered,
+    Subject, render_file, render_time_steps, render_turntable,
 };
 pub use resumable::{KeptParts, compress_resumable, parts_folder};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};

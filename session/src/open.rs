@@ -6,7 +6,8 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pumice_core::{
-    BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData, Residency, open_input,
+    BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData, Residency, Series,
+    frames_in_file, open_input,
 };
 use pumice_formats::OpenOptions;
 use pumice_scene::{Instance, Reading, Scene, Show};
@@ -34,27 +35,76 @@ pub fn is_pumice_file(path: &Path) -> Result<bool> {
     Ok(magic == pumice_core::file::MAGIC)
 }
 
-/// Whether a file that a caller wants to read is a `.pumice` file. Only others leave anything to the caller.
+/// What a file is that a caller wants to read.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(crate) enum Kind {
+    /// A label volume in another format.
+    Foreign,
+    /// A `.pumice` file of one volume.
+    Compressed,
+    /// A `.pumice` file of a time series.
+    Series,
+}
+
+/// What a file is. A `.pumice` file leaves nothing to the caller but the time step of a series.
 ///
 /// # Errors
-/// When the file cannot be read or is an output of the caller, and for a `.pumice` file with any option.
-pub(crate) fn is_compressed(path: &Path, reading: &OpenOptions) -> Result<bool> {
+/// When the file cannot be read or is an output of the caller, and for a `.pumice` file with any other option.
+pub(crate) fn kind_of(path: &Path, reading: &OpenOptions) -> Result<Kind> {
     reading.outputs.check_input(path)?;
-    let compressed = is_pumice_file(path)?;
-    match reading.given().first() {
-        Some(&option) if compressed => {
+    if !is_pumice_file(path)? {
+        return Ok(Kind::Foreign);
+    }
+    let is_series = frames_in_file(path)? > 1;
+    // The record of a scene may say the first step of a file that has one alone.
+    let is_fitting = |option: &str| {
+        option == "--time-step" && (is_series || (reading.recorded.time && reading.time == Some(0)))
+    };
+    match reading.given().into_iter().find(|option| !is_fitting(option)) {
+        Some(option) => {
             let named = reading.axes.map_or("", |axes| if option == "--axes" { axes.name() } else { "" });
             Err(pumice_formats::FormatError::NotApplicable {
                 path: path.to_owned(),
                 option: format!("{option} {named}").trim_end().to_owned(),
-                why: "a .pumice file holds one volume, with its spacing, and says which axis is which: this is chosen when it is \
+                why: "a .pumice file says what it holds, its spacing, and which axis is which: this is chosen when it is \
                       compressed"
                     .into(),
             }
             .into())
         }
-        _ => Ok(compressed),
+        None => Ok(if is_series { Kind::Series } else { Kind::Compressed }),
     }
+}
+
+/// The chosen frame of a time series.
+///
+/// # Errors
+/// [`pumice_formats::FormatError::Choose`] where none is chosen.
+fn chosen_frame(series: &Series, path: &Path, reading: &OpenOptions) -> Result<u32> {
+    reading.time.ok_or_else(|| {
+        pumice_formats::FormatError::Choose {
+            path: path.to_owned(),
+            what: format!("the file has {} time steps, and each is a separate volume", series.frames()),
+            option: "--time-step",
+            choices: format!("0 to {}", series.frames() - 1),
+        }
+        .into()
+    })
+}
+
+/// Opens the chosen frame of a time series; with `choose` only labels that it marks.
+pub(crate) fn open_frame(
+    path: &Path,
+    reading: &OpenOptions,
+    choose: Option<&dyn Fn(&LabelTable) -> Vec<bool>>,
+    job: &Job,
+) -> Result<CompressedVolume> {
+    let series = Series::open(path, job)?;
+    let frame = chosen_frame(&series, path, reading)?;
+    Ok(match choose {
+        None => series.frame(frame, job)?,
+        Some(choose) => series.frame_labels(frame, choose, job)?,
+    })
 }
 
 /// Where the data of a `.pumice` file is while it is in use.
@@ -97,14 +147,24 @@ pub fn open_volume(
     residence: Residence,
     job: &Job,
 ) -> Result<Arc<CompressedVolume>> {
-    if is_compressed(path, reading)? {
-        return Ok(Arc::new(match residence {
-            Residence::Copied => CompressedVolume::open(path, job)?,
-            Residence::Mapped => CompressedVolume::open_mapped(path, job)?,
-            Residence::Paged { memory, page_voxels } => {
-                CompressedVolume::open_paged(path, page_voxels, &std::env::temp_dir(), &memory, job)?
-            }
-        }));
+    match (kind_of(path, reading)?, &residence) {
+        (Kind::Compressed, Residence::Copied) => return Ok(Arc::new(CompressedVolume::open(path, job)?)),
+        (Kind::Compressed, Residence::Mapped) => {
+            return Ok(Arc::new(CompressedVolume::open_mapped(path, job)?));
+        }
+        (Kind::Compressed, Residence::Paged { memory, page_voxels }) => {
+            let folder = std::env::temp_dir();
+            let volume = CompressedVolume::open_paged(path, *page_voxels, &folder, memory, job)?;
+            return Ok(Arc::new(volume));
+        }
+        (Kind::Series, Residence::Paged { .. }) => {
+            return Err(SessionError::Caller(format!(
+                "memory limit: {} is a time series, and only files of one volume are drawn from disk: compress the time step alone",
+                path.display()
+            )));
+        }
+        (Kind::Series, _) => return Ok(Arc::new(open_frame(path, reading, None, job)?)),
+        (Kind::Foreign, _) => {}
     }
     if let Residence::Paged { .. } = residence {
         return Err(SessionError::Caller(format!(
@@ -164,9 +224,10 @@ pub fn open_chosen(
     residence: Residence,
     job: &Job,
 ) -> Result<Arc<CompressedVolume>> {
+    let kind = kind_of(path, reading)?;
     // (Pages are made of the labels that are drawn, whatever is read.)
     let paged = matches!(residence, Residence::Paged { .. });
-    if paged || !is_compressed(path, reading)? || shows.contains(&&Show::All) {
+    if paged || kind == Kind::Foreign || shows.contains(&&Show::All) {
         return open_volume(path, reading, residence, job);
     }
     let choose = |labels: &LabelTable| {
@@ -176,7 +237,10 @@ pub fn open_chosen(
         }
         chosen
     };
-    Ok(Arc::new(CompressedVolume::open_labels(path, choose, job)?))
+    Ok(Arc::new(match kind {
+        Kind::Series => open_frame(path, reading, Some(&choose), job)?,
+        _ => CompressedVolume::open_labels(path, choose, job)?,
+    }))
 }
 
 /// Opens these labels of a `.pumice` file.

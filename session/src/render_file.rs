@@ -15,6 +15,7 @@ mod provenance;
 mod refusals;
 mod render_scene;
 mod request;
+mod time_steps;
 mod turntable;
 
 use std::collections::BTreeMap;
@@ -46,7 +47,8 @@ pub use pumice_picture::PicturePaths;
 pub use render_scene::{PageFigures, RenderFigures, Rendered, render_scene};
 pub(crate) use render_scene::{bytes_of_film, check_memory, report, sampled};
 pub use request::{RenderOverrides, RenderRequest, Subject};
-pub use turntable::{TurntablePicture, render_turntable};
+pub use time_steps::render_time_steps;
+pub use turntable::{NumberedPicture, render_turntable};
 
 /// What a request means, checked and opened.
 struct Ready {
@@ -140,25 +142,25 @@ pub fn render_file(
 fn measure_openings(loaded: &LoadedScene, job: &Job) -> Result<(Vec<OpeningSaved>, LoadedScene)> {
     let (scene, volumes) = (loaded.scene(), loaded.volumes());
     let mut saved = Vec::new();
-    let mut whole: BTreeMap<&Path, Arc<CompressedVolume>> = BTreeMap::new();
+    // By file, and the time step of it.
+    let mut whole: BTreeMap<(&Path, Option<u32>), Arc<CompressedVolume>> = BTreeMap::new();
     for (instance, volume) in scene.instances.iter().zip(volumes) {
-        let path = instance.source.as_path();
-        if volume.is_whole() || whole.contains_key(path) {
+        let (path, time) = (instance.source.as_path(), volume.frame().map(|of| of.number));
+        if volume.is_whole() || whole.contains_key(&(path, time)) {
             continue;
         }
-        let of_file = scene.instances.iter().filter(|i| i.source == path);
+        let of_file = scene.instances.iter().filter(|i| i.source == path && i.reading == instance.reading);
         let shows: Vec<&Show> = of_file.map(|i| &i.style.show).collect();
-        // Only `.pumice` files are read in part, and they leave no option to the caller.
-        let reading = OpenOptions::default();
+        // Only `.pumice` files are read in part, and they leave nothing but the time step to the caller.
+        let reading = OpenOptions { time, ..OpenOptions::default() };
         let (one, volume) = measure_opening(path, &shows, &reading, SavingsOptions::QUICK.rounds, job)?;
         saved.push(one);
-        whole.insert(path, volume);
+        whole.insert((path, time), volume);
     }
-    let volumes = scene
-        .instances
-        .iter()
-        .zip(volumes)
-        .map(|(instance, volume)| Arc::clone(whole.get(instance.source.as_path()).unwrap_or(volume)));
+    let volumes = scene.instances.iter().zip(volumes).map(|(instance, volume)| {
+        let of_file = (instance.source.as_path(), volume.frame().map(|of| of.number));
+        Arc::clone(whole.get(&of_file).unwrap_or(volume))
+    });
     let all_labels = LoadedScene::new(scene.clone(), volumes.collect(), loaded.meshes().to_vec())?;
     Ok((saved, all_labels))
 }

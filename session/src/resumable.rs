@@ -73,17 +73,21 @@ pub(crate) fn check_no_leftovers(output: &Path) -> Result<()> {
 /// changed since. The error says how many parts are kept.
 pub fn compress_resumable(request: &CompressRequest, kept: KeptParts, job: &Job) -> Result<CompressOutcome> {
     let clock = Stopwatch::start();
+    let input = request.one_input(match kept {
+        KeptParts::GoOn => "--resume",
+        KeptParts::Remove => "--restart",
+    })?;
     let folder = parts_folder(&request.output);
     let reading = &request.reading;
     // What would be refused at the end is refused before the work.
     reading.outputs.declare(&request.output)?;
     LabelsGiven::read(request.types.as_deref(), request.table.as_deref(), &reading.outputs)?;
-    let info = info_of(&request.input, reading)?;
-    let groups = groups(&request.input, reading, &info)?;
+    let info = info_of(input, reading)?;
+    let groups = groups(input, reading, &info)?;
     let manifest = Manifest {
         about: "finished parts of an interrupted `pumice compress`, for --resume".into(),
-        source: source_of(&request.input, reading)?,
-        changes: changes_of(&request.input, reading)?,
+        source: source_of(input, reading)?,
+        changes: changes_of(input, reading)?,
         dims: info.dims,
         parts: groups.len(),
     };
@@ -98,7 +102,7 @@ pub fn compress_resumable(request: &CompressRequest, kept: KeptParts, job: &Job)
             job.check()?;
             if !part.exists() {
                 let request = PartRequest {
-                    input: request.input.clone(),
+                    input: input.to_owned(),
                     output: part.clone(),
                     chunks: chunks.clone(),
                     reading: reading.clone(),
@@ -108,8 +112,8 @@ pub fn compress_resumable(request: &CompressRequest, kept: KeptParts, job: &Job)
                 write_part(&request, &info, job)?;
             }
         }
-        if changes_of(&request.input, reading)? != manifest.changes {
-            let input = request.input.display();
+        if changes_of(input, reading)? != manifest.changes {
+            let input = input.display();
             return Err(SessionError::Caller(format!(
                 "{input}: the source changed while it was read; compress it again with --restart"
             )));

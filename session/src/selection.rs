@@ -24,6 +24,8 @@ pub fn select_labels(volume: &CompressedVolume, count: usize) -> Vec<u32> {
 /// The `count` of these labels that make the best figure, by dense index, best first; all of them if there are fewer.
 pub fn select_among(volume: &CompressedVolume, mut labels: Vec<u32>, count: usize) -> Vec<u32> {
     let bounds = volume.label_bounds();
+    // At one time step of a series, labels of others have no voxel.
+    labels.retain(|&label| bounds[label as usize].low[0] <= bounds[label as usize].high[0]);
     let all = volume.info().voxels() as f64;
     let spacing = volume.info().spacing();
     let reach = |label: u32| -> f64 {

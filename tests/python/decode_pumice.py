@@ -2,7 +2,7 @@
 
 Needs numpy, and zstandard for compressed files. It shares no code with Pumice and is deliberately slow and plain.
 
-    python decode_pumice.py FILE OUT.npy      ids as uint64, indexed [x, y, z]
+    python decode_pumice.py FILE OUT.npy [FRAME]      ids as uint64, indexed [x, y, z]
 """
 
 import json
@@ -23,7 +23,7 @@ def read_sections(data):
     assert data[:8] == SIGNATURE, "not a .pumice file"
     version, contents, length, table, count, frames = struct.unpack_from("<IIQQII", data, 8)
     assert version == VERSION, f"file version: expected {VERSION}, got {version}"
-    assert contents in (BOXES, VOXELS) and (length, table, frames) == (len(data), 64, 1)
+    assert contents in (BOXES, VOXELS) and (length, table) == (len(data), 64) and frames > 0
     sections, of_chunk = {}, {}
     for i in range(count):
         name, compression, width, filters, zero, offset, stored, decoded, _, chunk, zero_2 = struct.unpack_from(
@@ -117,14 +117,14 @@ def boxes_nodes(s):
     return unused - back
 
 
-def packed_nodes(s):
-    """(fields of a chunk's nodes, index of the node of each box) in the packed form."""
+def packed_nodes(s, leaves=None):
+    """(fields of the nodes that a chunk has at a frame, index of the node of each box, from the first of them) in the packed form."""
     occupied = mask_bits(np.frombuffer(s["OCCU"], "<u8"))
     classes = bits(2 * occupied.sum(), s["CLAS"]).reshape(-1, 2)
     low, high = np.zeros_like(occupied), np.zeros_like(occupied)
     low[occupied], high[occupied] = classes[:, 0], classes[:, 1]
     ranked = np.frombuffer(s["REFS"], "<u2")
-    return class_fields(occupied, low, high, ranked, s["SLCR"], s["FLDS"], tables(s)), boxes_nodes(s)
+    return class_fields(occupied, low, high, ranked, s["SLCR"], s["FLDS"], tables(leaves or s)), boxes_nodes(s)
 
 
 def plain_nodes(words, s):
@@ -153,53 +153,69 @@ def plain_nodes(words, s):
     return np.array(rows, np.uint64).reshape(-1, 64), number_at
 
 
-def decode_pieces(s, of_chunk):
+def decode_pieces(s, of_chunk, frame):
     """`decode` for a file of voxels."""
     info = json.loads(s["INFO"])
     dims = info["volume"]["dims"]
     assert len(s["PIEC"]) == 16 * len(of_chunk)
     ids = np.concatenate([np.zeros(1, np.uint64), np.frombuffer(s["LIDS"], "<u8")])
     out = np.zeros(dims, np.uint64)
-    for (*origin, zero), chunk in zip(struct.iter_unpack("<3II", s["PIEC"]), of_chunk):
+    for (*origin, of_frame), chunk in zip(struct.iter_unpack("<3II", s["PIEC"]), of_chunk):
+        if of_frame != frame:
+            continue
         w, h, d = (min(1024, n - o) for n, o in zip(dims, origin))
         dense = decode_voxels.piece(chunk["VOXL"], w, h, d, len(ids) - 1)
         out[tuple(slice(o, o + n) for o, n in zip(origin, (w, h, d)))] = ids[dense].transpose(2, 1, 0)
-        assert zero == 0 and dense.any(), "a piece without labels"
+        assert dense.any(), "a piece without labels"
     return out, info
 
 
-def decode(data):
-    """(ids as uint64 indexed [x, y, z], INFO) from all bytes of a file."""
+def decode(data, frame=0):
+    """(ids as uint64 indexed [x, y, z], INFO) of a frame from all bytes of a file."""
     s, of_chunk = read_sections(data)
+    frames = struct.unpack_from("<I", data, 36)[0]
+    assert frame < frames and len(s.get("FRAM", b"")) == (16 * frames if frames > 1 else 0)
     if struct.unpack_from("<I", data, 12)[0] == VOXELS:
-        return decode_pieces(s, of_chunk)
+        return decode_pieces(s, of_chunk, frame)
     info = json.loads(s["INFO"])
     ids = np.frombuffer(s["LIDS"], "<u8")
-    chunks = np.frombuffer(s["CHNK"], [("origin", "<u4", 3), ("zero", "<u4"), ("starts", "<u8", 3)])
+    chunks = np.frombuffer(s["CHNK"], [("origin", "<u4", 3), ("frame", "<u4"), ("starts", "<u8", 3)])
     assert len(chunks) == len(of_chunk)
     plain = "NODE" in s
-    # Where the boxes, runs and node words of each chunk end.
-    ends = [[int(v) for v in chunk["starts"]] for chunk in chunks[1:]] + [[None, None, None]]
+    # Where the boxes of each chunk end, and the words of the nodes that all of its frames have.
+    ends = [int(chunk["starts"][0]) for chunk in chunks[1:]] + [None]
+    words = sorted({int(chunk["starts"][2]) for chunk in chunks}) + [None]
 
     # Larger than the volume, since boxes may reach past its end by up to 3 voxels; cut off afterwards.
     dims = info["volume"]["dims"]
     out = np.zeros([d + 16 for d in dims], np.uint64)
     voxels = np.zeros(len(ids), np.uint64)
     runs_before = 0
-    for chunk, c, (end_box, _, end_word) in zip(chunks, of_chunk, ends):
+    # The leaves of the chunk, and the nodes of its frames so far.
+    leaves, known, last = None, None, None
+    for chunk, c, end_box in zip(chunks, of_chunk, ends):
         first_box, first_run, first_word = (int(v) for v in chunk["starts"])
         runs = np.frombuffer(c["RUNS"], "<u4").reshape(-1, 2).astype(np.int64)
         assert first_run == runs_before
         runs_before += len(runs)
+        if last is None or list(chunk["origin"]) != last:
+            leaves, known, last = c, np.zeros((0, 64), np.uint64), list(chunk["origin"])
         if plain:
+            end_word = words[words.index(first_word) + 1]
+            if chunk["frame"] != frame:
+                continue
             records = np.frombuffer(s["BOXS"], "<u8")[first_box:end_box]
             cell = np.stack([(records >> np.uint64(40 + 8 * a)) & np.uint64(255) for a in range(3)], axis=1)
-            fields, number_at = plain_nodes(np.frombuffer(s["NODE"], "<u2")[first_word:end_word], c)
+            fields, number_at = plain_nodes(np.frombuffer(s["NODE"], "<u2")[first_word:end_word], leaves)
             number = [number_at[int(r) % 2**32] for r in records]
         else:
             code = np.frombuffer(c["BCEL"], np.uint8).reshape(-1, 3).astype(np.int64) @ [1, 256, 65536]
             cell = demorton(code)
-            fields, number = packed_nodes(c)
+            fields, number = packed_nodes(c, leaves)
+            number = number + len(known)
+            known = fields = np.concatenate([known, fields])
+            if chunk["frame"] != frame:
+                continue
         for r, (label, start) in enumerate(runs):
             for b in range(start, runs[r + 1, 1] if r + 1 < len(runs) else len(number)):
                 x, y, z = (int(v) for v in chunk["origin"] + 4 * cell[b])
@@ -216,7 +232,14 @@ def decode(data):
                 assert max(corner) < 1024, "a box beyond its chunk"
     inside = tuple(slice(0, d) for d in dims)
     assert np.count_nonzero(out) == np.count_nonzero(out[inside]), "a voxel outside of the volume"
-    assert (voxels == np.frombuffer(s["LVOX"], "<u8")).all(), "LVOX"
+    if frames == 1:
+        assert (voxels == np.frombuffer(s["LVOX"], "<u8")).all(), "LVOX"
+    else:
+        counted = np.zeros(len(ids), np.uint64)
+        for chunk, c in zip(chunks, of_chunk):
+            if chunk["frame"] == frame:
+                counted[np.frombuffer(c["RUNS"], "<u4")[::2]] += np.frombuffer(c["RVOX"], "<u8")
+        assert (voxels == counted).all(), "RVOX"
     return out[inside], info
 
 
@@ -245,4 +268,4 @@ def contacts(data):
 
 
 if __name__ == "__main__":
-    np.save(sys.argv[2], decode(open(sys.argv[1], "rb").read())[0])
+    np.save(sys.argv[2], decode(open(sys.argv[1], "rb").read(), *map(int, sys.argv[3:]))[0])

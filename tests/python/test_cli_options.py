@@ -35,8 +35,9 @@ OPTIONS = {
         **dict.fromkeys(["--out", "--json", "--threads", "--memory-limit"], ""),
         **dict.fromkeys(["--level", "--types"], "with --chunks"),
         "--table": "with --types, and with --chunks",
-        "--chunks": "with --level, --types, --table, --resume and --restart",
-        **dict.fromkeys(["--resume", "--restart"], "with --chunks, with each other, and for a compressed stream"),
+        "--chunks": "with --level, --types, --table, --resume, --restart, --time-steps and several inputs",
+        **dict.fromkeys(["--resume", "--restart"], "with --chunks, --time-steps, several inputs, with each other, and for a compressed stream"),
+        "--time-steps": "with --time-step, --chunks, --resume and --restart, and where the input has one time step",
         **READING,
     },
     "merge": {
@@ -54,6 +55,7 @@ OPTIONS = {
     "decompress": {
         **dict.fromkeys(["--out", "--format"], ""),
         **dict.fromkeys(["--ome-version", "--shards", "--encoding", "--gzip", "--chunk"], "for other formats than its own"),
+        "--time-step": "on files of one volume, and for a file for each time step",
     },
     "render": {
         **dict.fromkeys(["--out", "--again", "--backend", "--time", "--threads", "--json", "--save-scene", "--explain", "--no-paths"], ""),
@@ -70,6 +72,7 @@ OPTIONS = {
         **dict.fromkeys(["--pick", "--cut", "--floor"], "with --again, and for scenes"),
         **dict.fromkeys(["--focus", "--aperture", "--view", "--distance", "--frame"], "with --again, and for scenes"),
         "--turntable": "with --again, with --explain, and for scenes",
+        "--time-steps": "with --again, with --turntable, with --explain, and where no volume has time steps",
         "--width-mm": "with --again, and with --size",
         **dict.fromkeys(["--dpi", "--scale-bar", "--legend"], "with --again"),
         "--scale-bar-corner": "with --again, and without --scale-bar",

@@ -3,20 +3,20 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use pumice_session::ChunkSet;
 use pumice_session::values::bytes;
+use pumice_session::{ChunkSet, TimeSteps};
 
 use super::Reading;
 
-/// Compress a label volume losslessly into a .pumice file
+/// Compress a label volume, or a time series of them, losslessly into a .pumice file
 ///
 /// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage, HDF5 and raw files, and folders of Zarr, OME-Zarr, Neuroglancer and N5, as a stream: the whole volume is never in
 /// memory. The output file appears under its final name only when it is complete.
 #[derive(Debug, Args)]
 pub(crate) struct Compress {
-    /// Label volume
-    #[arg(value_name = "IN")]
-    pub(crate) input: PathBuf,
+    /// Label volume; several files, or a name with {t} in place of a number, are the time steps of one series
+    #[arg(value_name = "IN", required = true)]
+    pub(crate) inputs: Vec<PathBuf>,
     /// The .pumice file to write
     #[arg(short, long, value_name = "OUT.pumice")]
     pub(crate) out: PathBuf,
@@ -30,7 +30,7 @@ pub(crate) struct Compress {
     ///
     /// Chunks are numbered from 0 in Morton order of the volume's grid of chunks. Only what is needed of the input is read. Level, types and
     /// table are given to `pumice merge`.
-    #[arg(long, value_name = "CHUNKS", conflicts_with_all = ["level", "types", "table", "resume", "restart"])]
+    #[arg(long, value_name = "CHUNKS", conflicts_with_all = ["level", "types", "table", "resume", "restart", "time_steps"])]
     pub(crate) chunks: Option<ChunkSet>,
     /// Keep finished chunks in the folder OUT.pumice.parts until all are done, and go on with those that are there
     ///
@@ -63,6 +63,12 @@ pub(crate) struct Compress {
     /// which rows have no label, and how many labels have no row.
     #[arg(long, value_name = "TABLE", conflicts_with = "types")]
     pub(crate) table: Option<PathBuf>,
+    /// Compress several time steps into one file: all, or the first and the last, such as 0-19, counted from 0
+    ///
+    /// The time steps of a file that has several, or of a series of files, of which all are taken without the option. They share what stands
+    /// still, and have one table of labels. --time-step reads one of them.
+    #[arg(long, value_name = "all|A-B", conflicts_with_all = ["time_step", "resume", "restart"])]
+    pub(crate) time_steps: Option<TimeSteps>,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }

@@ -14,8 +14,13 @@ pub(crate) struct Decompress {
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
     /// Output; its extension chooses the format: .nrrd .npy .nii .nii.gz .tif, or a new folder .zarr .precomputed
+    ///
+    /// Of a time series, a name with {t} stands for an output for each time step, such as frame_{t}.nrrd.
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,
+    /// Time step of a time series, counted from 0
+    #[arg(long = "time-step", value_name = "N")]
+    pub(crate) time_step: Option<u32>,
     /// Write a folder of this format, whatever its name: ome-zarr, precomputed
     #[arg(long, value_name = "FORMAT", value_parser = by_name(&StoreName::ALL, StoreName::name))]
     format: Option<StoreName>,

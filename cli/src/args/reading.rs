@@ -15,6 +15,8 @@ pub(crate) struct Reading {
     #[arg(long, value_name = "N")]
     pub(crate) layer: Option<u32>,
     /// Time step to read from a file with several, counted from 0
+    ///
+    /// A .pumice file of a time series has them too.
     #[arg(long = "time-step", value_name = "N")]
     pub(crate) time_step: Option<u32>,
     /// Channel to read from a file with several, counted from 0

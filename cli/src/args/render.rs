@@ -3,6 +3,7 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
+use pumice_session::TimeSteps;
 use pumice_session::values::{bytes, size};
 
 use super::Reading;
@@ -130,6 +131,12 @@ pub(crate) struct Render {
     pub(crate) annotate: AnnotationArgs,
     #[command(flatten)]
     pub(crate) figure: Figure,
+    /// Render several time steps: all, or the first and the last, such as 0-19, counted from 0
+    ///
+    /// OUT.png stands for OUT_0001.png, OUT_0002.png and so on. Volumes that have time steps show them; camera, chosen labels and colours stay
+    /// those of the first.
+    #[arg(long, value_name = "all|A-B", conflicts_with_all = ["time_step", "again", "turntable", "explain"])]
+    pub(crate) time_steps: Option<TimeSteps>,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }

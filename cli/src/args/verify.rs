@@ -14,9 +14,9 @@ pub(crate) struct Verify {
     /// The .pumice file
     #[arg(value_name = "FILE")]
     pub(crate) file: PathBuf,
-    /// The volume that it was made from
-    #[arg(value_name = "IN")]
-    pub(crate) input: PathBuf,
+    /// The volume that it was made from; of a time series, the same files or the same name with {t}
+    #[arg(value_name = "IN", required = true)]
+    pub(crate) inputs: Vec<PathBuf>,
     #[command(flatten)]
     pub(crate) reading: Reading,
 }

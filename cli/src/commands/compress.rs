@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pumice_session::{
     CompressOutcome, CompressRequest, Job, KeptParts, PartOutcome, PartRequest, compress_file,
-    compress_part_file, compress_resumable, peak_rss_bytes,
+    compress_part_file, compress_resumable, one_input, peak_rss_bytes,
 };
 use serde::Serialize;
 
@@ -41,7 +41,7 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     if let Some(chunks) = &args.chunks {
         let outcome = compress_part_file(
             &PartRequest {
-                input: args.input.clone(),
+                input: one_input(&args.inputs, "--chunks")?.to_owned(),
                 output: args.out.clone(),
                 chunks: chunks.clone(),
                 reading,
@@ -54,7 +54,8 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
         return report_part(&args.out, args.json.as_deref(), outcome);
     }
     let request = CompressRequest {
-        input: args.input.clone(),
+        inputs: args.inputs.clone(),
+        time_steps: args.time_steps,
         output: args.out.clone(),
         reading,
         level: level_of(args.level.unwrap_or(CompressionLevel::Default)),
@@ -98,8 +99,9 @@ pub(crate) fn report(out: &Path, json: Option<&Path>, outcome: CompressOutcome) 
     let percent = |bytes: u64| 100.0 * bytes as f64 / outcome.bytes_raw.max(1) as f64;
     // With `--json -` a program reads standard output as JSON, so nothing else is printed there.
     if json != Some(Path::new("-")) {
+        let steps = outcome.time_steps.map_or_else(String::new, |n| format!("{n} time steps, "));
         say(format_args!(
-            "{}: {} labels, {} boxes, {:.1} MB on disk ({:.2} % of 4 bytes a voxel), {:.1} MB in memory without the hierarchy for rays ({:.2} %), {:.1} s ({:.1} CPU s)",
+            "{}: {steps}{} labels, {} boxes, {:.1} MB on disk ({:.2} % of 4 bytes a voxel), {:.1} MB in memory without the hierarchy for rays ({:.2} %), {:.1} s ({:.1} CPU s)",
             out.display(),
             outcome.labels,
             outcome.boxes,

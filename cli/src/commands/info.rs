@@ -27,6 +27,9 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
         FileInfo::Pumice(p) => {
             let percent = |bytes: u64| 100.0 * bytes as f64 / p.bytes_raw.max(1) as f64;
             say("format     Pumice")?;
+            if let (Some(step), Some(steps)) = (p.time_step, p.time_steps) {
+                say(format_args!("time       step {step} of {steps}, counted from 0"))?;
+            }
             placement(p.dims, p.spacing, &p.unit, &p.frame, &p.label_type)?;
             orientation(p.orientation.as_deref())?;
             say(format_args!(
@@ -61,6 +64,25 @@ pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
                 }
             }
             say(format_args!("hash       {}", p.content_hash))?;
+        }
+        FileInfo::Series(s) => {
+            let percent = |bytes: u64| 100.0 * bytes as f64 / s.bytes_raw.max(1) as f64;
+            say("format     Pumice")?;
+            say(format_args!("time       {} steps, 0 to {}", s.time_steps, s.time_steps - 1))?;
+            placement(s.dims, s.spacing, &s.unit, &s.frame, &s.label_type)?;
+            orientation(s.orientation.as_deref())?;
+            say(format_args!(
+                "labels     {} in {} types, {} touching pairs, over all steps",
+                s.labels, s.types, s.touching_pairs
+            ))?;
+            say(format_args!("boxes      {}", s.boxes))?;
+            say(format_args!("raw        {:>14} bytes at 4 a voxel", s.bytes_raw))?;
+            say(format_args!("disk       {:>14} bytes  {:6.3} %", s.bytes_disk, percent(s.bytes_disk)))?;
+            for (name, bytes) in &s.stored_parts {
+                say(format_args!("  {name:12} {bytes:>10} bytes  {:6.3} %", percent(*bytes)))?;
+            }
+            say(format_args!("hash       {}", s.content_hash))?;
+            say("one step   --time-step N")?;
         }
         FileInfo::Source(s) => {
             say(format_args!("format     {}, {}", s.format, s.encoding))?;

@@ -4,8 +4,8 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_session::{
-    CurvePoint, Job, PageFigures, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Savings, Stop,
-    Subject, TurntablePicture, render_file, render_turntable,
+    CurvePoint, Job, NumberedPicture, PageFigures, PicturePaths, RenderFigures, RenderOverrides,
+    RenderRequest, Savings, Stop, Subject, render_file, render_time_steps, render_turntable,
 };
 
 use super::open_options;
@@ -32,6 +32,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     };
     let request = RenderRequest {
         subject,
+        time_steps: args.time_steps,
         out: args.out.clone(),
         backend: args.backend.clone(),
         stop,
@@ -53,6 +54,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
                 LodArg::Auto => pumice_session::Lod::Distance { pixels: 1.0 },
             }),
             seed: args.seed,
+            time_step: None,
             labels: args.figure.ids(),
             transparent: args.transparent,
             half: args.half,
@@ -76,8 +78,8 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
     };
     declare_report(&request.reading.outputs, args.json.as_deref())?;
 
-    if args.figure.turntable().is_some() {
-        return run_turntable(args, &request, job);
+    if args.figure.turntable().is_some() || args.time_steps.is_some() {
+        return run_numbered(args, &request, job);
     }
     let mut opening = Some(Bar::follow("opening", job));
     let mut tracing = None;
@@ -116,24 +118,28 @@ fn in_memory(figures: &PageFigures) -> String {
     )
 }
 
-/// Renders the pictures of a turntable.
-fn run_turntable(args: &Render, request: &RenderRequest, job: &Arc<Job>) -> Result<Answer, Failure> {
+/// Renders the pictures of a turntable or of several time steps.
+fn run_numbered(args: &Render, request: &RenderRequest, job: &Arc<Job>) -> Result<Answer, Failure> {
     let mut opening = Some(Bar::follow("opening", job));
     let mut tracing = None;
-    let pictures = render_turntable(request, job, &mut |number, stop, point| {
+    let mut watch = |number, stop: &Stop, point: &CurvePoint| {
         opening = None;
-        let (of_picture, bar) = tracing.get_or_insert_with(|| (number, turntable_bar(number)));
+        let (of_picture, bar) = tracing.get_or_insert_with(|| (number, bar_of(number)));
         if *of_picture != number {
-            (*of_picture, *bar) = (number, turntable_bar(number));
+            (*of_picture, *bar) = (number, bar_of(number));
         }
         show_progress(bar, stop, point);
-    });
+    };
+    let pictures = match request.time_steps {
+        Some(_) => render_time_steps(request, job, &mut watch),
+        None => render_turntable(request, job, &mut watch),
+    };
     drop((opening, tracing));
     let pictures = pictures?;
     pictures.iter().try_for_each(|picture| warn(&picture.figures))?;
 
     if args.json.as_deref() != Some(std::path::Path::new("-")) {
-        for TurntablePicture { picture, figures } in &pictures {
+        for NumberedPicture { picture, figures } in &pictures {
             say(format_args!("{}: {}, by {}", picture.display(), summary(figures), figures.backend))?;
         }
     }
@@ -143,7 +149,7 @@ fn run_turntable(args: &Render, request: &RenderRequest, job: &Arc<Job>) -> Resu
     Ok(Answer::Yes)
 }
 
-fn turntable_bar(number: u32) -> Bar {
+fn bar_of(number: u32) -> Bar {
     Bar::manual(format!("picture {}", number + 1))
 }
 

@@ -12,15 +12,16 @@ use crate::progress::Bar;
 
 pub(crate) fn run(args: &Verify, job: &Arc<Job>) -> Result<Answer, Failure> {
     let bar = Bar::follow("verifying", job);
-    let difference = verify_file(&args.file, &args.input, &open_options(&args.reading), job)?;
+    let verified = verify_file(&args.file, &args.inputs, &open_options(&args.reading), job)?;
+    let input = args.inputs.iter().map(|input| input.display().to_string()).collect::<Vec<_>>().join(", ");
     drop(bar);
-    match difference {
+    match verified.found {
         Verification::Same { .. } => {
-            say(format_args!("{} holds {} exactly", args.file.display(), args.input.display()))?;
+            say(format_args!("{} holds {input} exactly", args.file.display()))?;
             Ok(Answer::Yes)
         }
-        difference => {
-            say(format_args!("{} is not {}: {difference}", args.file.display(), args.input.display()))?;
+        _ => {
+            say(format_args!("{} is not {input}: {verified}", args.file.display()))?;
             Ok(Answer::No)
         }
     }

@@ -72,6 +72,7 @@ fn in_words(stop: Stop) -> String {
     match stop {
         Stop::Fault(f) => format!("{} at byte {} of section {}", f.what, f.at, f.section.escape_ascii()),
         Stop::Version(got) => format!("version {got}"),
+        Stop::Frames(frames) => format!("{frames} frames"),
         Stop::Io(e) => e.to_string(),
         Stop::Core(e) => e.to_string(),
     }
@@ -395,4 +396,136 @@ fn overlapping_boxes_are_not_saved_as_voxels() {
         what,
         "two labels claim one voxel: expected 2 labelled voxels, got 1; compress the source volume again"
     );
+}
+
+/// Frames of a small time series: a part stands still, a bar moves, and the second frame has nothing.
+struct Moving(u32, u32);
+
+impl crate::SeriesSource for Moving {
+    fn frames(&self) -> u32 {
+        self.0
+    }
+    fn name(&self, frame: u32) -> String {
+        frame.to_string()
+    }
+    fn next_frame(&mut self) -> crate::Result<Box<dyn crate::BlockSource + '_>> {
+        let (frame, dims) = (self.1, [37u32, 21, 1030]);
+        self.1 += 1;
+        let mut ids = Vec::new();
+        for (z, y, x) in
+            (0..dims[2]).flat_map(|z| (0..dims[1]).flat_map(move |y| (0..dims[0]).map(move |x| (z, y, x))))
+        {
+            let moves = x.abs_diff(4 + 5 * frame) < 3 && z > 1000;
+            let still = 1 + (x / 7 + y / 9 + z * x % 3) % 5;
+            ids.push(if frame == 1 || z % 100 > 30 { 0 } else { if moves { 9 } else { still } });
+        }
+        let info = VolumeInfo::new(dims, LabelType::U32);
+        Ok(Box::new(crate::ArraySource::new(info, LabelBuffer::U32(ids))?))
+    }
+}
+
+fn series_bytes(level: CompressionLevel) -> Vec<u8> {
+    let path = std::env::temp_dir().join(format!("pumice-damaged-{}-{level:?}.pumice", std::process::id()));
+    let options = crate::CompressOptions::default();
+    crate::compress_series_to_file(&mut Moving(3, 0), &path, level, &options, &mut |_| Ok(()), &Job::new())
+        .unwrap();
+    let bytes = std::fs::read(&path).unwrap();
+    std::fs::remove_file(path).unwrap();
+    bytes
+}
+
+/// Opens a series and calls `visit` with each of its frames.
+fn open_frames(
+    bytes: &[u8],
+    check_hash: bool,
+    mut visit: impl FnMut(u32, Result<CompressedVolume, String>),
+) -> Result<(), String> {
+    let path = std::path::Path::new("a.pumice");
+    let series = super::Series::read(&mut Cursor::new(bytes), bytes.len() as u64, path, &Job::new())
+        .map_err(in_words)?;
+    let all = None::<fn(&LabelTable) -> Vec<bool>>;
+    for frame in 0..series.frames().min(5) {
+        visit(
+            frame,
+            series.read_frame(&mut Cursor::new(bytes), frame, all, check_hash, &Job::new()).map_err(in_words),
+        );
+    }
+    let second = |labels: &LabelTable| (0..labels.len()).map(|i| i % 2 == 1).collect();
+    visit(
+        2,
+        series
+            .read_frame(&mut Cursor::new(bytes), 2, Some(second), check_hash, &Job::new())
+            .map_err(in_words),
+    );
+    Ok(())
+}
+
+/// Damage behind right checksums in a time series never panics; a frame is refused or the same.
+#[test]
+fn damaged_series_never_panic() {
+    for (level, rounds) in
+        [(CompressionLevel::Fast, 120), (CompressionLevel::Default, 120), (CompressionLevel::Small, 60)]
+    {
+        let bytes = series_bytes(level);
+        let mut good: Vec<u128> = Vec::new();
+        open_frames(&bytes, true, |_, frame| good.push(frame.unwrap().content_hash())).unwrap();
+        assert!(good.len() == 4 && good[0] != good[2] && good[1] != good[0]);
+        let sections = u32::from_le_bytes(bytes[32..36].try_into().unwrap()) as usize;
+        let mut random = Random(4);
+        let (mut refused, mut frames_refused, mut passed) = (0, 0, 0);
+        for round in 0..rounds {
+            let mut damaged = bytes.clone();
+            let from = if round % 2 == 0 { 0 } else { HEADER_BYTES + ENTRY_BYTES * sections };
+            let end = if round % 2 == 0 { HEADER_BYTES + ENTRY_BYTES * sections } else { damaged.len() };
+            let at = from + random.below(end - from);
+            damaged[at] = damaged[at].wrapping_add([1, 255, 128, 64][random.below(4)]);
+            fix_checksums(&mut damaged);
+            let whole = open_frames(&damaged, true, |n, frame| match frame {
+                // A subset, which comes last, is not compared with the content hash.
+                Ok(frame) if frame.is_whole() => {
+                    let own = good.get(n as usize);
+                    assert!(own.is_none_or(|hash| *hash == frame.content_hash()), "round {round}, frame {n}");
+                    passed += 1;
+                }
+                Ok(frame) => use_all(&frame),
+                Err(_) => frames_refused += 1,
+            });
+            refused += u32::from(whole.is_err());
+            let _ = open_frames(&damaged, false, |_, frame| frame.iter().for_each(use_all));
+        }
+        // Controls: damage of each kind was met, and some of it concerns no frame but one.
+        assert!(
+            refused > 0 && frames_refused > 0 && passed > 0,
+            "{level:?}: {refused} {frames_refused} {passed}"
+        );
+    }
+}
+
+/// What a series says of its frames: a number of hashes that is not theirs, an unknown frame, frames out of order.
+#[test]
+fn tables_of_frames_that_lie_are_refused() {
+    let bytes = series_bytes(CompressionLevel::Fast);
+    let entry = |name: &[u8; 4]| {
+        let at =
+            (0..).map(|s| HEADER_BYTES + s * ENTRY_BYTES).find(|&at| bytes[at..at + 4] == *name).unwrap();
+        u64::from_le_bytes(bytes[at + 8..at + 16].try_into().unwrap()) as usize
+    };
+    let refusal = |at: usize, value: u32| {
+        let mut changed = bytes.clone();
+        changed[at..at + 4].copy_from_slice(&value.to_le_bytes());
+        fix_checksums(&mut changed);
+        open_frames(&changed, true, |_, _| {}).unwrap_err()
+    };
+    assert!(refusal(36, 4).contains("frames: expected 4, got 3"), "{}", refusal(36, 4));
+    assert!(refusal(36, 0).contains("number of frames: expected 1 to "));
+    assert!(refusal(36, u32::MAX).contains("number of frames: expected 1 to "));
+    let chunks = entry(b"CHNK");
+    // The second entry is the first chunk at frame 2, because frame 1 has nothing.
+    assert!(refusal(chunks + 12, 3).contains("a frame below 3"));
+    assert!(refusal(chunks + 40 + 12, 0).contains("chunk 1: expected a place, a frame and starts after"));
+    assert!(refusal(chunks + 40 + 16, 0).contains("chunk 1: expected a place, a frame and starts after"));
+    assert!(refusal(chunks + 40 + 32, 8).contains("chunk 1: expected a place, a frame and starts after"));
+    // One file is not opened as a series, and a series not as one file.
+    let what = open(&bytes, true).unwrap_err();
+    assert!(what.contains("Frames") || what.contains("frames"), "{what}");
 }

@@ -19,15 +19,16 @@ use super::part::PartHead;
 use super::slices::SLAB;
 use super::voxel_coder::VoxelEncoder;
 use super::voxel_pieces::piece_dims;
-use super::write::{Filters, PLAIN, head_sections};
+use super::write::{Filters, Frames, PLAIN, head_sections};
 use crate::chunk_boxes::ChunkBoxes;
-use crate::chunk_nodes::ChunkNodes;
+use crate::chunk_nodes::{ChunkNodes, NodeWriter};
+use crate::content_hash::of_frames;
 use crate::finish::{Budget, ChunkSink, Finished, Known, finish};
-use crate::layers::SIDE;
+use crate::layers::{Layers, SIDE};
 use crate::reserve::{make_room, zeroed};
 use crate::spool::{Scratch, Spool};
 use crate::store::StoredParts;
-use crate::{Chunk, CompressedVolume, CompressionLevel, Error, Job, Result, VolumeInfo, WrittenFile};
+use crate::{Chunk, CompressedVolume, CompressionLevel, Error, Job, Leaves, Result, VolumeInfo, WrittenFile};
 
 /// What was written, and what it takes in memory once it is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -36,9 +37,11 @@ pub struct WrittenVolume {
     pub dims: [u32; 3],
     /// Number of labels, without the background.
     pub labels: u64,
-    /// Number of boxes.
+    /// Number of frames: 1, or those of a time series.
+    pub frames: u32,
+    /// Number of boxes, of all frames.
     pub boxes: u64,
-    /// Bytes of the volume in memory.
+    /// Bytes of the volume in memory; of a time series, of all frames together.
     pub bytes_volume: u64,
     /// Bytes of the file.
     pub bytes_disk: u64,
@@ -58,6 +61,10 @@ pub(super) struct FileSink<'a> {
     boxes: Spool<'a>,
     nodes: Spool<'a>,
     chunks: Vec<Chunk>,
+    /// The frame of each of `chunks`.
+    frames: Vec<u32>,
+    /// Whether there are several frames.
+    is_series: bool,
     boxes_so_far: u64,
     runs_so_far: u64,
     words: u64,
@@ -91,10 +98,11 @@ impl Write for ToBody<'_, '_> {
 }
 
 impl<'a> FileSink<'a> {
-    /// No chunks yet, of a volume of `dims` voxels with so many labels.
+    /// No chunks yet, of a volume of `dims` voxels with so many frames and labels.
     pub(super) fn new(
         level: CompressionLevel,
         dims: [u32; 3],
+        frames: u32,
         labels: u32,
         scratch: &'a Scratch,
         budget: &Budget,
@@ -109,6 +117,8 @@ impl<'a> FileSink<'a> {
             boxes: spool(),
             nodes: spool(),
             chunks: Vec::new(),
+            frames: Vec::new(),
+            is_series: frames > 1,
             boxes_so_far: 0,
             runs_so_far: 0,
             words: 0,
@@ -118,24 +128,23 @@ impl<'a> FileSink<'a> {
         }
     }
 
-    /// Begins the chunk at this voxel: the sections that follow are its own.
-    pub(super) fn begin_chunk(&mut self, origin: [u32; 3]) -> Result<()> {
+    /// Begins the chunk at this voxel at a frame: the sections that follow are its own. Its nodes begin at word `node_base`.
+    fn begin(&mut self, origin: [u32; 3], frame: u32, node_base: u64) -> Result<()> {
         make_room(&mut self.chunks, 1, "a list of the chunks")?;
         self.chunks.push(Chunk {
             origin,
             first_box: self.boxes_so_far,
             first_run: self.runs_so_far,
-            node_base: self.words,
+            node_base,
         });
+        make_room(&mut self.frames, 1, "a list of the chunks")?;
+        self.frames.push(frame);
         Ok(())
     }
 
-    /// Ends the last chunk, which has so many runs, and leaves of so many bytes in memory.
-    fn end_chunk(&mut self, boxes: u64, runs: usize, words: u64, leaves_bytes: u64) {
-        self.boxes_so_far += boxes;
-        self.runs_so_far += runs as u64;
-        self.words += words;
-        self.leaves_bytes += leaves_bytes;
+    /// Begins the chunk at this voxel of a volume of one frame: the sections that follow are its own.
+    pub(super) fn begin_chunk(&mut self, origin: [u32; 3]) -> Result<()> {
+        self.begin(origin, 0, self.words)
     }
 
     /// Ends the last chunk, which `volume` holds alone. The level `fast` has its boxes and nodes, as they are, for the volume's sections.
@@ -144,8 +153,10 @@ impl<'a> FileSink<'a> {
             self.boxes.write(bytemuck::cast_slice(&volume.boxes))?;
             self.nodes.write(bytemuck::cast_slice(&volume.nodes))?;
         }
-        let leaves = volume.leaves.iter().map(crate::Leaves::bytes).sum();
-        self.end_chunk(volume.boxes.len() as u64, volume.runs.len(), volume.nodes.len() as u64, leaves);
+        self.boxes_so_far += volume.boxes.len() as u64;
+        self.runs_so_far += volume.runs.len() as u64;
+        self.words += volume.nodes.len() as u64;
+        self.leaves_bytes += volume.leaves.iter().map(Leaves::bytes).sum::<u64>();
         Ok(())
     }
 
@@ -210,14 +221,50 @@ impl<'a> FileSink<'a> {
         self.pad()
     }
 
+    /// Writes the boxes of the next frame, and the nodes that they are the first to use, as streams.
+    fn streams(
+        &mut self,
+        boxes: &ChunkBoxes<'_>,
+        writer: &mut NodeWriter<'_>,
+        leaves: &Leaves,
+        job: &Job,
+    ) -> Result<()> {
+        let (scratch, room) = (self.scratch, self.stream_bytes);
+        let spool = || Spool::new(scratch, room);
+        let mut cells: Vec<u8> = Vec::new();
+        let [mut backs, mut occupied, mut classes] = [spool(), spool(), spool()];
+        let mut references = [spool(), spool(), spool()];
+        let mut splitter = Splitter::default();
+        writer.frame(boxes, job, |batch| {
+            make_room(&mut cells, 3 * batch.records.len(), "a list of the boxes of the volume")?;
+            splitter.cells(batch.records, &mut cells);
+            backs.write(bytemuck::cast_slice(batch.backs))?;
+            splitter.nodes(batch.nodes, leaves);
+            occupied.write(&std::mem::take(&mut splitter.occupied))?;
+            classes.write(&splitter.take_classes())?;
+            let written = splitter.references.iter_mut().zip(&mut references);
+            written.into_iter().try_for_each(|(bytes, spool)| spool.write(&std::mem::take(bytes)))
+        })?;
+        classes.write(&splitter.last_classes())?;
+        self.section(*b"BCEL", &cells, (3, true, true), job)?;
+        drop(cells);
+        for (name, spool) in [(*b"BNOD", &backs), (*b"OCCU", &occupied), (*b"CLAS", &classes)] {
+            self.long_section(name, spool, job)?;
+        }
+        for (name, spool) in REFERENCES.into_iter().zip(&references) {
+            self.long_section(*name, spool, job)?;
+        }
+        Ok(())
+    }
+
     /// The stream of a chunk's voxels.
-    fn voxels(&self, origin: [u32; 3], boxes: &ChunkBoxes<'_>, job: &Job) -> Result<Vec<u8>> {
+    fn voxels(&self, origin: [u32; 3], layers: &Layers<'_>, job: &Job) -> Result<Vec<u8>> {
         let [w, h, d] = piece_dims(self.dims, origin).map(|n| n as usize);
         let mut encoder = VoxelEncoder::new([w, h], self.labels);
         let mut slab: Vec<u32> = zeroed(w * h * SLAB, "the voxels of a slab")?;
         for z in (0..d).step_by(SLAB) {
             job.check()?;
-            let layer = boxes.layers.load(z / SLAB)?;
+            let layer = layers.load(z / SLAB)?;
             slab.fill(0);
             for position in 0..if layer.is_empty() { 0 } else { SIDE * SIDE } {
                 for &(label, mut mask) in layer.at(position) {
@@ -236,62 +283,51 @@ impl<'a> FileSink<'a> {
 }
 
 impl ChunkSink for FileSink<'_> {
-    fn chunk(&mut self, boxes: &ChunkBoxes<'_>, budget: &Budget, job: &Job) -> Result<()> {
-        let origin = boxes.cell.map(|c| 4 * c);
-        self.begin_chunk(origin)?;
+    fn layers(&mut self, boxes: &ChunkBoxes<'_>, layers: &Layers<'_>, job: &Job) -> Result<()> {
         if self.level == CompressionLevel::Small {
-            let voxels = self.voxels(origin, boxes, job)?;
+            let origin = boxes.cell.map(|c| 4 * c);
+            self.begin(origin, boxes.frame, self.words)?;
+            let voxels = self.voxels(origin, layers, job)?;
             self.section(*b"VOXL", &voxels, PLAIN, job)?;
         }
-        let chunk = ChunkNodes::new(boxes, budget, job)?;
-        if self.level != CompressionLevel::Small {
-            let (leaves, runs) = (&chunk.leaves, &boxes.runs[..]);
-            self.section(*b"RUNS", bytemuck::cast_slice(runs), (8, true, true), job)?;
-            self.section(*b"LEAF", bytemuck::cast_slice(leaves.patterns()), (8, false, true), job)?;
-            self.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
-            self.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)?;
-        }
-        self.end_chunk(u64::from(boxes.count), boxes.runs.len(), 0, chunk.leaves.bytes());
-        let Self { boxes: plain_boxes, nodes: plain_nodes, level, .. } = self;
-        match level {
-            CompressionLevel::Small => self.words += chunk.for_each_batch(job, |_| Ok(()))?,
-            CompressionLevel::Fast => {
-                let words = chunk.for_each_batch(job, |batch| {
+        Ok(())
+    }
+
+    fn chunk(&mut self, frames: &[ChunkBoxes<'_>], budget: &Budget, job: &Job) -> Result<()> {
+        let chunk = ChunkNodes::new(frames, budget, job)?;
+        let mut writer = chunk.writer()?;
+        let node_base = self.words;
+        for (i, boxes) in frames.iter().enumerate() {
+            if self.level != CompressionLevel::Small {
+                self.begin(boxes.cell.map(|c| 4 * c), boxes.frame, node_base)?;
+                let runs = &boxes.runs[..];
+                self.section(*b"RUNS", bytemuck::cast_slice(runs), (8, true, true), job)?;
+                if self.is_series {
+                    let voxels = bytemuck::cast_slice(&boxes.run_voxels);
+                    self.section(*b"RVOX", voxels, (8, false, true), job)?;
+                }
+                // All frames of a chunk have the leaves of the first.
+                if i == 0 {
+                    let leaves = &chunk.leaves;
+                    self.section(*b"LEAF", bytemuck::cast_slice(leaves.patterns()), (8, false, true), job)?;
+                    self.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
+                    self.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)?;
+                }
+            }
+            self.boxes_so_far += u64::from(boxes.count);
+            self.runs_so_far += boxes.runs.len() as u64;
+            let Self { boxes: plain_boxes, nodes: plain_nodes, level, .. } = self;
+            match level {
+                CompressionLevel::Small => writer.frame(boxes, job, |_| Ok(()))?,
+                CompressionLevel::Fast => writer.frame(boxes, job, |batch| {
                     plain_boxes.write(bytemuck::cast_slice(batch.records))?;
                     plain_nodes.write(bytemuck::cast_slice(batch.nodes))
-                })?;
-                self.words += words;
-            }
-            CompressionLevel::Default => {
-                let scratch = self.scratch;
-                let room = self.stream_bytes;
-                let spool = || Spool::new(scratch, room);
-                let mut cells: Vec<u8> = Vec::new();
-                let [mut backs, mut occupied, mut classes] = [spool(), spool(), spool()];
-                let mut references = [spool(), spool(), spool()];
-                let mut splitter = Splitter::default();
-                let words = chunk.for_each_batch(job, |batch| {
-                    make_room(&mut cells, 3 * batch.records.len(), "a list of the boxes of the volume")?;
-                    splitter.cells(batch.records, &mut cells);
-                    backs.write(bytemuck::cast_slice(batch.backs))?;
-                    splitter.nodes(batch.nodes, &chunk.leaves);
-                    occupied.write(&std::mem::take(&mut splitter.occupied))?;
-                    classes.write(&splitter.take_classes())?;
-                    let written = splitter.references.iter_mut().zip(&mut references);
-                    written.into_iter().try_for_each(|(bytes, spool)| spool.write(&std::mem::take(bytes)))
-                })?;
-                classes.write(&splitter.last_classes())?;
-                self.words += words;
-                self.section(*b"BCEL", &cells, (3, true, true), job)?;
-                drop(cells);
-                for (name, spool) in [(*b"BNOD", &backs), (*b"OCCU", &occupied), (*b"CLAS", &classes)] {
-                    self.long_section(name, spool, job)?;
-                }
-                for (name, spool) in REFERENCES.into_iter().zip(&references) {
-                    self.long_section(*name, spool, job)?;
-                }
+                })?,
+                CompressionLevel::Default => self.streams(boxes, &mut writer, &chunk.leaves, job)?,
             }
         }
+        self.words += writer.words;
+        self.leaves_bytes += chunk.leaves.bytes();
         Ok(())
     }
 }
@@ -315,13 +351,14 @@ pub(crate) fn finish_into_file(
 ) -> Result<WrittenVolume> {
     write_file(path, job, |file| {
         let scratch = Scratch::new(&budget.folder);
-        let mut sink = FileSink::new(level, info.dims, parts.ids.len() as u32, &scratch, budget);
+        let (dims, labels) = (info.dims, parts.ids.len() as u32);
+        let mut sink = FileSink::new(level, dims, parts.frames, labels, &scratch, budget);
         let mut volume = CompressedVolume::empty(info);
-        let Finished { labels, content_hash } =
+        let Finished { labels, content_hashes } =
             finish(volume.info.dims, parts, known, budget, &mut sink, job)?;
         volume.labels = labels;
         describe(&mut volume)?;
-        sink.write((file, path), volume, content_hash, part, job)
+        sink.write((file, path), volume, &content_hashes, part, job)
     })
 }
 
@@ -347,18 +384,18 @@ pub(super) fn write_file(
 }
 
 impl FileSink<'_> {
-    /// Writes all chunks and what `volume` says of them, which holds no boxes, into `file`; errors name its final path. With `part`, they are
-    /// a part of the volume.
+    /// Writes all chunks and what `volume` says of them, which holds no boxes, into `file`; errors name its final path. There is a content hash
+    /// for each frame. With `part`, the chunks are a part of the volume.
     pub(super) fn write(
         self,
         (file, path): (&mut dyn Write, &Path),
         mut volume: CompressedVolume,
-        content_hash: u128,
+        content_hashes: &[u128],
         part: Option<&PartHead>,
         job: &Job,
     ) -> Result<WrittenVolume> {
         let io = |source| Error::Io { path: path.to_owned(), source };
-        let FileSink { level, body, mut entries, boxes, nodes, mut chunks, .. } = self;
+        let FileSink { level, body, mut entries, boxes, nodes, mut chunks, frames: of_chunk, .. } = self;
         let FileSink { boxes_so_far, runs_so_far, words, leaves_bytes, .. } = self;
         chunks.shrink_to_fit();
         volume.chunks = chunks;
@@ -367,7 +404,17 @@ impl FileSink<'_> {
         let mut head: Vec<(Entry, Vec<u8>)> = Vec::new();
         let of_part =
             part.map(|part| Ok::<_, Error>((*b"PART", part.to_json()?.into(), PLAIN))).transpose()?;
-        for (name, bytes, filters) in head_sections(&volume, level)?.into_iter().chain(of_part) {
+        let frames = content_hashes.len() as u32;
+        let (content_hash, series) = match *content_hashes {
+            [of_volume] => (of_volume, None),
+            _ => {
+                let content_hashes = content_hashes.to_vec();
+                (of_frames(&content_hashes), Some(Frames { of_chunk, content_hashes }))
+            }
+        };
+        for (name, bytes, filters) in
+            head_sections(&volume, level, series.as_ref())?.into_iter().chain(of_part)
+        {
             let encoding = super::write::encoding_of(name, filters, level);
             let stored = codec::encode(&bytes, encoding, level.zstd(), job)?;
             head.push((Entry::of_stored(name, None, encoding, &stored, bytes.len() as u64), stored));
@@ -406,7 +453,7 @@ impl FileSink<'_> {
         };
         let table: Vec<Entry> =
             head.iter().map(|(e, _)| *e).chain(arrays.iter().map(|(e, _)| *e)).chain(entries).collect();
-        let layout = Layout { contents, file_bytes: align(end), content_hash, entries: table };
+        let layout = Layout { contents, frames, file_bytes: align(end), content_hash, entries: table };
 
         let mut written = 0u64;
         let mut put = |bytes: &[u8]| -> Result<()> {
@@ -436,6 +483,7 @@ impl FileSink<'_> {
         Ok(WrittenVolume {
             dims: volume.info.dims,
             labels: volume.labels.len() as u64,
+            frames,
             boxes: boxes_so_far,
             bytes_volume: arrays + rest,
             bytes_disk: layout.file_bytes,

@@ -27,6 +27,8 @@ pub(super) enum Stop {
     Fault(FormatError),
     /// The file has a version that this program does not read.
     Version(u32),
+    /// The file has so many frames, of which none was chosen.
+    Frames(u32),
     /// The operating system refuses.
     Io(std::io::Error),
     /// The core itself stops, because the job is cancelled or a limit is exceeded.

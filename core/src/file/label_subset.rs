@@ -14,23 +14,17 @@
 //! ([`super::check`]), and its labels' voxels are counted and compared with the table. A section of which only ranges are read is not
 //! compared with its checksum. The content hash is copied from the header, because it covers all labels.
 
-use std::collections::BTreeMap;
 use std::io::{Read, Seek};
-use std::ops::Range;
 use std::path::Path;
 
-use super::format_error::{FormatError, Stop};
-use super::layout::{Contents, Entry, Layout};
-use super::nodes::{self, Wrong};
+use super::format_error::Stop;
+use super::layout::Contents;
+use super::nodes::Wrong;
+use super::pick::{OfChunks, Wanted, pick_packed, pick_plain, put_together};
 use super::read::{HEAD_SECTIONS, assemble_head};
-use super::sections::{read_at, read_layout, read_sections, read_sections_if};
+use super::sections::{read_layout, read_sections};
 use super::{check, read};
-use crate::leaves::{Class, MAX_PATTERNS, RARE};
-use crate::node::{MOST_NODE_WORDS, NodeRef, OCCUPIED_WORDS, extent_of, header_words};
-use crate::{BoxRecord, Chunk, CompressedVolume, Job, LabelRun, LabelTable, Leaves, Result};
-
-/// Bytes of a section that are read at once, so that neighbouring nodes arrive together.
-const PIECE_BYTES: u64 = 1 << 16;
+use crate::{Chunk, CompressedVolume, Job, LabelRun, LabelTable, Result};
 
 impl CompressedVolume {
     /// Reads the labels of a `.pumice` file that `choose` marks, by dense index. Labels beyond the end of its result are not chosen. A file
@@ -50,22 +44,6 @@ impl CompressedVolume {
     }
 }
 
-/// A range of boxes to read: those of one label in one chunk, as indices in the file.
-struct Wanted {
-    chunk: usize,
-    label: u32,
-    boxes: Range<u64>,
-}
-
-/// The boxes of a chunk that were read, in the file's order, with their nodes.
-#[derive(Default)]
-struct Picked {
-    /// Lowest cell within the chunk, and the key of the node in `nodes`.
-    boxes: Vec<([u32; 3], u64)>,
-    /// Words of each node, by the key that `boxes` uses: its first word in plain files, its number in packed ones.
-    nodes: BTreeMap<u64, Vec<u16>>,
-}
-
 pub(super) fn read_subset(
     file: &mut (impl Read + Seek),
     file_bytes: u64,
@@ -73,6 +51,9 @@ pub(super) fn read_subset(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
+    if layout.frames != 1 {
+        return Err(Stop::Frames(layout.frames));
+    }
     if layout.contents == Contents::Voxels {
         // Voxel data has no index by label: all labels are decoded, and discarding some afterwards would save nothing.
         return read::read(file, file_bytes, None, true, job);
@@ -98,13 +79,15 @@ pub(super) fn read_subset(
     let leaves = std::mem::take(&mut volume.leaves);
     volume.runs = Vec::with_capacity(wanted.len());
     let (mut records, mut nodes) = (Vec::new(), Vec::new());
+    let of_chunks = OfChunks::of(&layout);
     for in_chunk in wanted.chunk_by(|a, b| a.chunk == b.chunk) {
         let c = in_chunk[0].chunk;
         let picked = if plain {
             let end = chunks.get(c + 1).map(|next| next.node_base);
             pick_plain(file, &layout, &chunks[c], end, &leaves[c], in_chunk, job)?
         } else {
-            pick_packed(file, &layout, &chunks[c], &leaves[c], in_chunk, job)?
+            let own = c as u32..c as u32 + 1;
+            pick_packed(file, &of_chunks, own, &chunks[c], &leaves[c], in_chunk, job)?
         };
         put_together(&mut volume, &mut records, &mut nodes, &chunks[c], &leaves[c], in_chunk, &picked)
             .map_err(|(section, what)| sections.fault(section, what))?;
@@ -149,284 +132,4 @@ fn wanted(
         }
     }
     Ok(wanted)
-}
-
-/// Reads boxes and nodes of a chunk from plain arrays. The key of a node is its first word; `end` is that of the next chunk's first node.
-fn pick_plain(
-    file: &mut (impl Read + Seek),
-    layout: &Layout,
-    chunk: &Chunk,
-    end: Option<u64>,
-    leaves: &Leaves,
-    wanted: &[Wanted],
-    job: &Job,
-) -> std::result::Result<Picked, Stop> {
-    let mut picked = Picked::default();
-    let mut boxes = Ranges::open(file, layout, b"BOXS", job)?;
-    for w in wanted {
-        job.check()?;
-        let bytes = boxes.read(8 * w.boxes.start, 8 * (w.boxes.end - w.boxes.start))?;
-        for &record in bytes.as_chunks::<8>().0 {
-            let record = BoxRecord(u64::from_le_bytes(record));
-            let at = chunk.node_base.saturating_add(record.node().into());
-            picked.boxes.push((record.cell(), at));
-            picked.nodes.entry(at).or_default();
-        }
-    }
-    let mut nodes = Ranges::open(file, layout, b"NODE", job)?;
-    let end = end.unwrap_or(u64::MAX).min(nodes.bytes / 2);
-    for (&at, words) in &mut picked.nodes {
-        job.check()?;
-        let most = (MOST_NODE_WORDS as u64).min(end.saturating_sub(at));
-        let bytes = nodes.read(2 * at.min(end), 2 * most)?;
-        words.extend(bytes.as_chunks::<2>().0.iter().map(|&b| u16::from_le_bytes(b)));
-        match length_of(words, leaves) {
-            Some(length) => words.truncate(length),
-            None => {
-                let what = format!("node at word {at}: expected all of it before word {end}");
-                return Err(nodes.fault(what));
-            }
-        }
-    }
-    Ok(picked)
-}
-
-/// Number of words of the node at the start of `words`; `None` where `words` end before the node does.
-fn length_of(words: &[u16], leaves: &Leaves) -> Option<usize> {
-    let occupied = words.get(..OCCUPIED_WORDS)?.iter().map(|w| w.count_ones()).sum();
-    words.get(..header_words(occupied))?;
-    let length = NodeRef::read(words, 0, leaves).words();
-    (length <= words.len()).then_some(length)
-}
-
-/// Reads boxes and nodes from the streams of a chunk. The key of a node is its number.
-fn pick_packed(
-    file: &mut (impl Read + Seek),
-    layout: &Layout,
-    chunk: &Chunk,
-    leaves: &Leaves,
-    wanted: &[Wanted],
-    job: &Job,
-) -> std::result::Result<Picked, Stop> {
-    let mut picked = Picked::default();
-    let number = wanted[0].chunk as u32;
-    // The sections' sizes are compared with INFO of the file, as where they are read with it.
-    let mut section = |name: &'static [u8; 4]| -> std::result::Result<(Vec<u8>, u64), Stop> {
-        let is_it = |entry: &Entry| entry.name == *name && entry.chunk == Some(number);
-        let at = layout.entries.iter().find(|entry| is_it(entry)).map_or(0, |entry| entry.offset);
-        Ok((read_sections_if(file, None, layout, is_it, job)?.take_of(name, Some(number))?, at))
-    };
-    let fault = |(section, what): Wrong, at: u64| {
-        let what = format!("chunk {number}: {what}");
-        Stop::Fault(FormatError { section, at, what })
-    };
-
-    let in_chunk = |w: &Wanted| w.boxes.start - chunk.first_box..w.boxes.end - chunk.first_box;
-    let (backs, at) = section(b"BNOD")?;
-    let numbers = nodes::numbers_of(&backs, wanted.iter().map(in_chunk)).map_err(|w| fault(w, at))?;
-    drop(backs);
-    let (cells, at) = section(b"BCEL")?;
-    let places = wanted.iter().flat_map(in_chunk);
-    for (b, &number) in places.zip(&numbers) {
-        let cell =
-            nodes::cell_of(&cells, b).ok_or_else(|| fault((*b"BCEL", format!("ends before box {b}")), at))?;
-        picked.boxes.push((cell, number));
-        picked.nodes.entry(number).or_default();
-    }
-    drop(cells);
-
-    let asked: Vec<u64> = picked.nodes.keys().copied().collect();
-    let ((occupied, at), (classes, _)) = (section(b"OCCU")?, section(b"CLAS")?);
-    let found = nodes::find(&occupied, &classes, &asked).map_err(|w| fault(w, at))?;
-    drop((occupied, classes));
-    let mut parts: Vec<[Vec<u8>; 3]> = found.iter().map(|_| Default::default()).collect();
-    for (k, name) in nodes::REFERENCES.into_iter().enumerate() {
-        let (stream, at) = section(name)?;
-        for (node, parts) in found.iter().zip(&mut parts) {
-            let part = nodes::elements(&stream, k, &node.references[k], leaves);
-            parts[k] = part.map_err(|w| fault(w, at))?.to_vec();
-        }
-    }
-    for ((node, parts), words) in found.iter().zip(&parts).zip(picked.nodes.values_mut()) {
-        node.append([&parts[0], &parts[1], &parts[2]], leaves, words);
-    }
-    Ok(picked)
-}
-
-/// Appends the picked boxes of a chunk, with their runs, nodes, and the leaves that these use.
-fn put_together(
-    volume: &mut CompressedVolume,
-    records: &mut Vec<BoxRecord>,
-    nodes: &mut Vec<u16>,
-    chunk: &Chunk,
-    former: &Leaves,
-    wanted: &[Wanted],
-    picked: &Picked,
-) -> std::result::Result<(), Wrong> {
-    let (leaves, places) = used_leaves(former, picked)?;
-    let (first_box, node_base) = (records.len(), nodes.len());
-    volume.chunks.push(Chunk {
-        origin: chunk.origin,
-        first_box: first_box as u64,
-        first_run: volume.runs.len() as u64,
-        node_base: node_base as u64,
-    });
-    let mut placed: BTreeMap<u64, u32> = BTreeMap::new();
-    let mut boxes = picked.boxes.iter();
-    for w in wanted {
-        let run = LabelRun { label: w.label, first_box: (records.len() - first_box) as u32 };
-        volume.runs.push(run);
-        for &(cell, name) in boxes.by_ref().take((w.boxes.end - w.boxes.start) as usize) {
-            let words = &picked.nodes[&name];
-            let occupied = NodeRef::read(words, 0, &leaves).occupied;
-            if occupied == 0 {
-                return Err((*b"OCCU", format!("node {name}: got no occupied cell")));
-            }
-            let node = match placed.get(&name) {
-                Some(&node) => node,
-                None => {
-                    let node = u32::try_from(nodes.len() - node_base).map_err(|_| {
-                        let what = "expected the nodes of its boxes within 2^32 words, got more";
-                        (*b"NODE", format!("chunk {}: {what}", w.chunk))
-                    })?;
-                    append(nodes, words, former, &places);
-                    placed.insert(name, node);
-                    node
-                }
-            };
-            records.push(BoxRecord::new(cell, extent_of(occupied), node));
-        }
-    }
-    volume.leaves.push(leaves);
-    Ok(())
-}
-
-/// A leaf that a node refers to and that may be left out of the dictionary.
-enum Named {
-    Pattern(usize),
-    Rare(usize),
-}
-
-/// The patterns and rare leaves that a node refers to, each with the index of the reference among the node's words.
-fn named<'a>(words: &'a [u16], leaves: &'a Leaves) -> impl Iterator<Item = (Named, usize)> + 'a {
-    let node = NodeRef::read(words, 0, leaves);
-    node.references().filter_map(|(_, class, at)| match class {
-        Class::Ranked => Some((Named::Pattern(usize::from(words[at]) % MAX_PATTERNS), at)),
-        Class::Long if leaves.words_beyond_3() == 0 && u64::from(words[at]) & RARE == RARE => {
-            Some((Named::Rare(rare_at(words, at)), at))
-        }
-        _ => None,
-    })
-}
-
-/// Index of the rare field that the reference at word `at` names.
-fn rare_at(words: &[u16], at: usize) -> usize {
-    usize::from(words[at]) >> 12 | usize::from(words[at + 1]) << 4 | usize::from(words[at + 2]) << 20
-}
-
-/// New index of each pattern and of each rare field.
-struct Places {
-    patterns: Vec<usize>,
-    rare: Vec<usize>,
-}
-
-/// The leaves that the picked nodes refer to, in their former order, and the new index of each. Slices stay, so that long references keep
-/// their length.
-fn used_leaves(leaves: &Leaves, picked: &Picked) -> std::result::Result<(Leaves, Places), Wrong> {
-    let (mut patterns, mut rare) = (vec![false; leaves.patterns.len()], vec![false; leaves.rare.len()]);
-    for words in picked.nodes.values() {
-        for (leaf, _) in named(words, leaves) {
-            let (section, used, place) = match leaf {
-                Named::Pattern(place) => (b"LEAF", &mut patterns, place),
-                Named::Rare(place) => (b"RARE", &mut rare, place),
-            };
-            let entries = used.len();
-            *used
-                .get_mut(place)
-                .ok_or_else(|| (*section, format!("entries: expected more than {place}, got {entries}")))? =
-                true;
-        }
-    }
-    let keep = |all: &[u64], is_used: &[bool]| -> (Vec<u64>, Vec<usize>) {
-        let mut kept = Vec::new();
-        let place = |(&field, &is_used): (&u64, &bool)| {
-            let place = kept.len();
-            kept.extend(is_used.then_some(field));
-            place
-        };
-        let places = all.iter().zip(is_used).map(place).collect();
-        (kept, places)
-    };
-    let (patterns, patterns_places) = keep(&leaves.patterns, &patterns);
-    let (rare, rare_places) = keep(&leaves.rare, &rare);
-    let places = Places { patterns: patterns_places, rare: rare_places };
-    Ok((Leaves { patterns: patterns.into(), slices: leaves.slices.clone(), rare: rare.into() }, places))
-}
-
-/// Appends a node with its references changed to the new indices.
-fn append(nodes: &mut Vec<u16>, words: &[u16], leaves: &Leaves, places: &Places) {
-    let start = nodes.len();
-    nodes.extend_from_slice(words);
-    for (leaf, at) in named(words, leaves) {
-        let to = &mut nodes[start + at..];
-        match leaf {
-            // No index grows, so its former bits are enough.
-            Named::Pattern(from) => to[0] -= (from - places.patterns[from]) as u16,
-            Named::Rare(from) => {
-                let place = (places.rare[from] as u64) << 12 | RARE;
-                to.iter_mut().take(3).zip([0, 16, 32]).for_each(|(w, s)| *w = (place >> s) as u16);
-            }
-        }
-    }
-}
-
-/// Reads ranges of a section: from the file where it is stored as it is, otherwise from the decoded section in memory.
-pub(super) struct Ranges<'a, F> {
-    file: &'a mut F,
-    entry: Entry,
-    /// Size of the decoded section in bytes.
-    pub(super) bytes: u64,
-    /// Bytes of the section and the offset at which they start; the whole section where it had to be decoded.
-    window: (u64, Vec<u8>),
-}
-
-impl<'a, F: Read + Seek> Ranges<'a, F> {
-    pub(super) fn open(
-        file: &'a mut F,
-        layout: &Layout,
-        name: &'static [u8; 4],
-        job: &Job,
-    ) -> std::result::Result<Self, Stop> {
-        let Some(entry) = layout.entry(name).copied() else {
-            let what = "expected the section, got none".into();
-            return Err(Stop::Fault(FormatError { section: *name, at: 0, what }));
-        };
-        let e = entry.encoding;
-        let window = if e.zstd || e.delta || e.planes {
-            (0, read_sections(file, None, layout, &[name], job)?.take(name)?)
-        } else {
-            (0, Vec::new())
-        };
-        Ok(Self { file, entry, bytes: entry.decoded, window })
-    }
-
-    fn fault(&self, what: String) -> Stop {
-        Stop::Fault(FormatError { section: self.entry.name, at: self.entry.offset, what })
-    }
-
-    /// Returns the bytes `from..from + length` of the section.
-    pub(super) fn read(&mut self, from: u64, length: u64) -> std::result::Result<&[u8], Stop> {
-        if from.checked_add(length).is_none_or(|end| end > self.bytes) {
-            return Err(self.fault(format!("expected bytes {from} to {from} + {length}, got {}", self.bytes)));
-        }
-        let (start, window) = &self.window;
-        if from < *start || from + length > start + window.len() as u64 {
-            let take = length.max(PIECE_BYTES).min(self.bytes - from);
-            let bytes = read_at(self.file, self.entry.offset + from, take, self.entry.name)?;
-            self.window = (from, bytes);
-        }
-        let (start, window) = &self.window;
-        let at = (from - start) as usize;
-        Ok(&window[at..at + length as usize])
-    }
 }

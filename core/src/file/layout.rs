@@ -7,7 +7,7 @@
 //!         16  8  length of the file                            6  1  filters: bit 0 delta, bit 1 planes
 //!         24  8  offset of the section table, 64               7  1  0
 //!         32  4  number of sections                            8  8  offset in the file, a multiple of 8
-//!         36  4  number of frames, 1                          16  8  bytes in the file
+//!         36  4  number of frames                              16  8  bytes in the file
 //!         40 16  content hash                                 24  8  bytes when decoded
 //!         56  8  XXH3-64 of bytes 0 to 56 and the table       32  8  XXH3-64 of the bytes in the file
 //!                                                             40  4  0: of the volume; k: of chunk k − 1
@@ -26,6 +26,9 @@ pub(super) const ENTRY_BYTES: usize = 48;
 /// Largest number of sections: 16 for each of the most chunks that a volume can have boxes in, and 64. (The table lies within the file, so
 /// its length bounds what a damaged count makes the reader allocate.)
 pub(super) const MAX_SECTIONS: u32 = 1 << 28;
+
+/// Bytes of a frame in the section `FRAM` of a time series: its content hash.
+pub(super) const FRAME_BYTES: u64 = 16;
 
 /// Version of the files that this program writes; it reads no other version.
 pub(super) const VERSION: u32 = 6;
@@ -89,6 +92,8 @@ impl Entry {
 #[derive(Clone, Debug, PartialEq, Eq)]
 pub(super) struct Layout {
     pub(super) contents: Contents,
+    /// Number of frames: 1, or those of a time series.
+    pub(super) frames: u32,
     pub(super) file_bytes: u64,
     pub(super) content_hash: u128,
     pub(super) entries: Vec<Entry>,
@@ -122,7 +127,7 @@ impl Layout {
         bytes.extend(self.file_bytes.to_le_bytes());
         bytes.extend((HEADER_BYTES as u64).to_le_bytes());
         bytes.extend((self.entries.len() as u32).to_le_bytes());
-        bytes.extend(1u32.to_le_bytes());
+        bytes.extend(self.frames.to_le_bytes());
         bytes.extend(self.content_hash.to_le_bytes());
         bytes.extend([0; 8]);
         for e in &self.entries {
@@ -165,7 +170,12 @@ impl Layout {
         contents_of(header)?;
         expect(16, "length of the file (truncated?)", u64_at(header, 16), file_bytes)?;
         expect(24, "offset of the section table", HEADER_BYTES as u64, u64_at(header, 24))?;
-        expect(36, "number of frames", 1, u32_at(header, 36).into())?;
+        // A time series has the content hash of each frame as it is, so a damaged number does not make the reader allocate.
+        let (frames, most_frames) = (u32_at(header, 36), (file_bytes / FRAME_BYTES).max(1));
+        if frames == 0 || u64::from(frames) > most_frames {
+            let what = format!("number of frames: expected 1 to {most_frames}, got {frames}");
+            return Err(FormatError::in_header(36, what).into());
+        }
         let sections = u32_at(header, 32);
         if sections > MAX_SECTIONS {
             return Err(FormatError::in_header(
@@ -183,7 +193,7 @@ impl Layout {
         let contents = contents_of(bytes)?;
         let entries = Self::parse_table(bytes, file_bytes)?;
         let content_hash = u128::from(u64_at(bytes, 40)) | u128::from(u64_at(bytes, 48)) << 64;
-        Ok(Self { contents, file_bytes, content_hash, entries })
+        Ok(Self { contents, frames: u32_at(bytes, 36), file_bytes, content_hash, entries })
     }
 
     /// Parses the entries of the section table; each section must begin where the previous one ends.

@@ -54,11 +54,11 @@ pub fn merge_parts(
     let first = parts.first().ok_or_else(|| Error::Caller("expected parts of a volume, got none".into()))?;
     let dims = first.info.volume.dims;
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let budget = Budget::new(options.memory_limit_bytes, dims, &folder);
+    let budget = Budget::new(options.memory_limit_bytes, dims, 1, &folder);
     on_threads(options, || {
         write_file(path, job, |file| {
             let scratch = Scratch::new(&folder);
-            let mut sink = FileSink::new(level, dims, ids.len() as u32, &scratch, &budget);
+            let mut sink = FileSink::new(level, dims, 1, ids.len() as u32, &scratch, &budget);
             let (labels, content_hash) = join(&parts, ids, &mut sink, &budget, job)?;
             let mut volume = CompressedVolume::empty(first.info.volume.clone());
             volume.labels = labels;
@@ -66,7 +66,7 @@ pub fn merge_parts(
                 types.apply(&mut volume.labels);
             }
             describe(&mut volume)?;
-            sink.write((file, path), volume, content_hash, None, job)
+            sink.write((file, path), volume, &[content_hash], None, job)
         })
     })
 }
@@ -217,7 +217,7 @@ fn join(
         let layers = Layers::new(&scratch, budget.share(8));
         add_faces(&volume, &layers)?;
         let origin = part.origins[c as usize];
-        touching.chunk(origin, &layers, false, job)?;
+        touching.chunk(0, origin, &layers, false, job)?;
         sink.begin_chunk(origin)?;
         match sink.level {
             CompressionLevel::Small => {

@@ -17,6 +17,7 @@
 //! | `voxel_coder`, `voxel_pieces` | converts the voxels of one piece to a bit stream, and back; converts a volume to pieces, and back |
 //! | `check` | every invariant of a volume that comes from outside |
 //! | `write`, `read`, `label_subset` | writes a volume to a file, reads it from a file, and reads only some labels of a file |
+//! | `series`, `pick` | reads one frame of a time series; reads some boxes of a chunk with their nodes |
 //! | `paged` | reads a file chunk by chunk into pages that are drawn from disk |
 //! | `file_sink` | writes a volume to a file while it is compressed |
 //! | `part`, `merge`, `part_chunk` | what a part of a volume says of itself; joins parts to the volume; one chunk of a part |
@@ -57,8 +58,10 @@ mod nodes;
 mod paged;
 mod part;
 mod part_chunk;
+mod pick;
 mod read;
 mod sections;
+mod series;
 mod size_limits;
 mod slices;
 mod sse2;
@@ -76,4 +79,5 @@ pub use file_sink::WrittenVolume;
 pub use layout::MAGIC;
 pub use merge::merge_parts;
 pub use part::{PartInfo, PartSource, read_part};
+pub use series::{Series, frames_in_file};
 pub use write::CompressionLevel;

@@ -189,10 +189,14 @@ pub(super) fn cell_of(cells: &[u8], b: u64) -> Option<[u32; 3]> {
     Some(morton::decode(u64::from(u32::from_le_bytes([code[0], code[1], code[2], 0]))))
 }
 
-/// The node number of each box in rising ranges of boxes.
-pub(super) fn numbers_of(backs: &[u8], ranges: impl Iterator<Item = Range<u64>>) -> Result<Vec<u64>, Wrong> {
+/// The node number of each box in rising ranges of boxes; `next` is the number of the first node that these boxes are the first to use.
+pub(super) fn numbers_of(
+    backs: &[u8],
+    mut next: u64,
+    ranges: impl Iterator<Item = Range<u64>>,
+) -> Result<Vec<u64>, Wrong> {
     let backs = backs.as_chunks::<4>().0;
-    let (mut numbers, mut next, mut at) = (Vec::new(), 0u64, 0);
+    let (mut numbers, mut at) = (Vec::new(), 0);
     for range in ranges {
         while at < range.end {
             let Some(&back) = backs.get(at as usize) else {

@@ -10,9 +10,9 @@ use std::sync::Arc;
 use xxhash_rust::xxh3::Xxh3;
 
 use super::format_error::{FormatError, Stop};
-use super::label_subset::Ranges;
 use super::layout::{Contents, Entry, Layout};
 use super::nodes::{self, Streams};
+use super::pick::Ranges;
 use super::read::{self, HEAD_SECTIONS, assemble_head};
 use super::sections::{read_layout, read_sections, read_sections_if};
 use super::{check, check::check_head};
@@ -60,6 +60,9 @@ pub(super) fn read_pages(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
+    if layout.frames != 1 {
+        return Err(Stop::Frames(layout.frames));
+    }
     if layout.contents == Contents::Voxels {
         let volume = read::read(file, file_bytes, None, true, job)?;
         return Ok(divided(volume, page_voxels, folder, memory, job)?);

@@ -91,6 +91,9 @@ impl OpenPart {
                 let what = "contents: expected a part of a volume, got a volume (pumice compress --chunks makes parts)";
                 return Err(FormatError::in_header(12, what.into()).into());
             }
+            if layout.frames != 1 {
+                return Err(Stop::Frames(layout.frames));
+            }
             let mut sections =
                 read_sections(file, None, &layout, &[b"INFO", b"PART", b"CHNK", b"LIDS"], job)?;
             let (volume, _) = info_of(&mut sections)?;

@@ -7,7 +7,7 @@ use std::path::Path;
 use super::format_error::{FormatError, Stop};
 use super::layout::{Contents, Layout};
 use super::nodes::{self, Streams};
-use super::sections::{Sections, info_of, read_layout, read_sections};
+use super::sections::{Sections, TableNames, info_of, read_layout, read_sections};
 use super::{check, voxel_pieces};
 use crate::elements::MappedFile;
 use crate::{
@@ -59,6 +59,7 @@ pub(super) fn from_path<T>(
             Error::File { path: path.to_owned(), section: section.escape_ascii().to_string(), at, what }
         }
         Stop::Version(got) => Error::Version { path: path.to_owned(), got },
+        Stop::Frames(frames) => Error::Frames { path: path.to_owned(), frames },
         Stop::Io(source) => io(source),
         Stop::Core(Error::Memory(error)) => Error::Memory(error.of_file(path)),
         Stop::Core(error) => error,
@@ -83,6 +84,9 @@ pub(super) fn read(
     job: &Job,
 ) -> std::result::Result<CompressedVolume, Stop> {
     let layout = read_layout(file, file_bytes)?;
+    if layout.frames != 1 {
+        return Err(Stop::Frames(layout.frames));
+    }
     if layout.contents == Contents::Voxels {
         let volume = voxel_pieces::read_voxels(file, &layout, job)?;
         return if check_hash { check_content(&layout, volume) } else { Ok(volume) };
@@ -113,46 +117,65 @@ fn check_content(layout: &Layout, volume: CompressedVolume) -> std::result::Resu
 pub(super) fn assemble_head(sections: &mut Sections) -> std::result::Result<CompressedVolume, Stop> {
     let (info, names) = info_of(sections)?;
     let mut volume = CompressedVolume::empty(info);
-    volume.chunks = sections.elements(b"CHNK", |b: [u8; 40]| {
-        let u32_at = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
-        let u64_at = |at: usize| u64::from(u32_at(at)) | u64::from(u32_at(at + 4)) << 32;
-        Chunk {
-            origin: [u32_at(0), u32_at(4), u32_at(8)],
-            first_box: u64_at(16),
-            first_run: u64_at(24),
-            node_base: u64_at(32),
-        }
-    })?;
+    volume.chunks = sections.elements(b"CHNK", |b| chunk_of(b).1)?;
     for (c, chunk) in (0..).zip(&volume.chunks) {
-        let mut runs = sections.elements_of(b"RUNS", Some(c), |b: [u8; 8]| {
-            let both = u64::from_le_bytes(b);
-            LabelRun { label: both as u32, first_box: (both >> 32) as u32 }
-        })?;
+        let mut runs = runs_of(sections, c)?;
         if chunk.first_run != volume.runs.len() as u64 {
             let what =
                 format!("chunk {c}: first run: expected {}, got {}", volume.runs.len(), chunk.first_run);
             return Err(sections.fault(*b"CHNK", what));
         }
         volume.runs.append(&mut runs);
-        volume.leaves.push(Leaves {
-            patterns: sections.elements_of(b"LEAF", Some(c), u64::from_le_bytes)?.into(),
-            slices: sections.elements_of(b"SLIC", Some(c), u16::from_le_bytes)?.into(),
-            rare: sections.elements_of(b"RARE", Some(c), u64::from_le_bytes)?.into(),
-        });
+        volume.leaves.push(leaves_of(sections, c)?);
     }
     volume.runs.shrink_to_fit();
     volume.leaves.shrink_to_fit();
+    volume.labels = table_of(sections, names)?;
+    volume.labels.contacts = Contacts { bytes: sections.take(b"LCON")?, pairs: 0 };
+    Ok(volume)
+}
+
+/// An entry of `CHNK`: the frame, and the chunk.
+pub(super) fn chunk_of(b: [u8; 40]) -> (u32, Chunk) {
+    let u32_at = |at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]);
+    let u64_at = |at: usize| u64::from(u32_at(at)) | u64::from(u32_at(at + 4)) << 32;
+    let chunk = Chunk {
+        origin: [u32_at(0), u32_at(4), u32_at(8)],
+        first_box: u64_at(16),
+        first_run: u64_at(24),
+        node_base: u64_at(32),
+    };
+    (u32_at(12), chunk)
+}
+
+/// The runs of a chunk.
+pub(super) fn runs_of(sections: &mut Sections, chunk: u32) -> std::result::Result<Vec<LabelRun>, Stop> {
+    sections.elements_of(b"RUNS", Some(chunk), |b: [u8; 8]| {
+        let both = u64::from_le_bytes(b);
+        LabelRun { label: both as u32, first_box: (both >> 32) as u32 }
+    })
+}
+
+/// The leaves of a chunk.
+pub(super) fn leaves_of(sections: &mut Sections, chunk: u32) -> std::result::Result<Leaves, Stop> {
+    Ok(Leaves {
+        patterns: sections.elements_of(b"LEAF", Some(chunk), u64::from_le_bytes)?.into(),
+        slices: sections.elements_of(b"SLIC", Some(chunk), u16::from_le_bytes)?.into(),
+        rare: sections.elements_of(b"RARE", Some(chunk), u64::from_le_bytes)?.into(),
+    })
+}
+
+/// The table of labels without contacts, which are checked once the number of labels is.
+pub(super) fn table_of(sections: &mut Sections, names: TableNames) -> std::result::Result<LabelTable, Stop> {
     let ids = sections.elements(b"LIDS", u64::from_le_bytes)?;
-    volume.labels = LabelTable {
+    Ok(LabelTable {
         columns: sections.columns(names.columns, ids.len())?,
         ids,
         voxels: sections.elements(b"LVOX", u64::from_le_bytes)?,
         types: sections.elements(b"LTYP", u16::from_le_bytes)?,
         type_names: names.types,
-        // The contacts stay packed here; they are checked once the number of labels is.
-        contacts: Contacts { bytes: sections.take(b"LCON")?, pairs: 0 },
-    };
-    Ok(volume)
+        ..LabelTable::default()
+    })
 }
 
 /// Builds a volume from its sections. It checks only what this needs.

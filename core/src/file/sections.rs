@@ -318,6 +318,22 @@ pub(super) fn read_sections_if(
     Ok(sections)
 }
 
+/// Reads one section that is not `INFO`, compares its checksum and decodes it. Its declared size was checked when `INFO` was read.
+pub(super) fn read_section(
+    file: &mut (impl Read + Seek),
+    entry: &Entry,
+    job: &Job,
+) -> std::result::Result<Vec<u8>, Stop> {
+    job.check()?;
+    let fault = |what| Stop::Fault(FormatError { section: entry.name, at: entry.offset, what });
+    let stored = read_at(file, entry.offset, entry.stored, entry.name)?;
+    match section_checksum(&stored) {
+        got if got == entry.checksum => {}
+        got => return Err(fault(format!("checksum: expected {:016x}, got {got:016x}", entry.checksum))),
+    }
+    codec::decode(stored, entry.encoding, entry.decoded, job)?.map_err(fault)
+}
+
 /// Removes and returns what the section `INFO` says: the volume's info, and the names that the table of labels uses.
 pub(super) fn info_of(sections: &mut Sections) -> std::result::Result<(VolumeInfo, TableNames), Stop> {
     let info = sections.info.take();

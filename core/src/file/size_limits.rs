@@ -3,7 +3,7 @@
 //!
 //! ```text
 //! INFO      at most 16 MiB, or 256 times its bytes in the file
-//! others    at most 64 bytes a voxel of the volume (LCOL: times its columns), and 4 KiB
+//! others    at most 64 bytes a voxel of the volume (LCOL: times its columns; of a time series: times its frames), and 4 KiB
 //! together  what is free, where the system says how much
 //! ```
 //! **Why 64.** A voxel that is a label, a box, a node and a run of its own has 8 bytes in each of LIDS, LVOX, RUNS, BOXS and OCCU, 24 in
@@ -39,7 +39,8 @@ pub(super) fn check_sections(
     volume: &VolumeInfo,
     columns: usize,
 ) -> Result<(), FormatError> {
-    let most = volume.voxels().saturating_mul(MOST_BYTES_A_VOXEL).saturating_add(ALWAYS_ALLOWED_BYTES);
+    let voxels = volume.voxels().saturating_mul(layout.frames.into());
+    let most = voxels.saturating_mul(MOST_BYTES_A_VOXEL).saturating_add(ALWAYS_ALLOWED_BYTES);
     for entry in layout.entries.iter().filter(|e| e.name != *b"INFO") {
         let times = if entry.name == *b"LCOL" { columns.max(1) as u64 } else { 1 };
         within(entry, most.saturating_mul(times))?;

@@ -16,7 +16,7 @@ use rayon::prelude::*;
 use super::check;
 use super::format_error::Stop;
 use super::layout::Layout;
-use super::sections::{info_of, read_sections};
+use super::sections::{Sections, info_of, read_sections};
 use super::slices::SLAB;
 use super::voxel_coder::{VoxelDecoder, VoxelEncoder};
 use crate::compress::volume_of_parts;
@@ -27,7 +27,8 @@ use crate::sorted_cells::SortedCells;
 use crate::store::PartStore;
 use crate::volume::CHUNK_CELLS;
 use crate::{
-    BoxGrid, CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelTable, Result, morton,
+    BoxGrid, CHUNK_VOXELS, CompressOptions, CompressedVolume, Error, Job, LabelTable, Result, VolumeInfo,
+    morton,
 };
 
 /// Bytes of an entry of `PIEC`.
@@ -126,19 +127,39 @@ pub(super) fn read_voxels(
         [number(0), number(4), number(8)]
     })?;
     check_origins(&table, head.info.dims).map_err(|what| sections.fault(*b"PIEC", what))?;
-    let mut pieces: Vec<Piece> = reserved(table.len(), "a section of the file").map_err(Error::from)?;
+    let mut pieces = reserved(table.len(), "a section of the file").map_err(Error::from)?;
     for (i, &origin) in (0..).zip(&table) {
-        let stream = sections.take_of(b"VOXL", Some(i))?;
-        pieces.push(Piece { origin, dims: piece_dims(head.info.dims, origin), stream });
+        pieces.push((origin, sections.take_of(b"VOXL", Some(i))?));
     }
     sections.expect_none_left()?;
 
-    let number = head.labels.len() as u32;
+    let info = std::mem::replace(&mut head.info, VolumeInfo::new([0; 3], crate::LabelType::U32));
+    let mut volume = decode(info, pieces, head.labels.len() as u32, &sections, job)?;
+    // In the new volume, the id of each label is its dense index plus 1.
+    if volume.labels.len() != head.labels.len() {
+        let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
+        return Err(sections.fault(*b"VOXL", what));
+    }
+    let made = std::mem::take(&mut volume.labels);
+    volume.labels = LabelTable { voxels: made.voxels, contacts: made.contacts, ..head.labels };
+    Ok(volume)
+}
+
+/// Decodes the streams of pieces, each with its origin. The labels of the volume have the voxels' numbers as ids, which are at most `number`.
+pub(super) fn decode(
+    info: VolumeInfo,
+    streams: Vec<([u32; 3], Vec<u8>)>,
+    number: u32,
+    sections: &Sections,
+    job: &Job,
+) -> std::result::Result<CompressedVolume, Stop> {
     let fault = |what: String| sections.fault(*b"VOXL", what);
     // A stream of a few bytes can stand for any number of records, so they are kept in memory only up to a part of what is free.
     let folder = std::env::temp_dir();
     let store = PartStore::new(available_bytes().map_or(u64::MAX, |free| free / 4), None, &folder);
-    let dims = head.info.dims;
+    let dims = info.dims;
+    let piece = |(origin, stream)| Piece { origin, dims: piece_dims(dims, origin), stream };
+    let pieces: Vec<Piece> = streams.into_iter().map(piece).collect();
     job.begin(pieces.iter().map(|p| p.dims.map(u64::from).iter().product::<u64>()).sum());
     let decode = |piece: &Piece| {
         let size = [piece.dims[0], piece.dims[1]].map(|n| n as usize);
@@ -146,19 +167,11 @@ pub(super) fn read_voxels(
         decode_piece(piece, stream, dims, number, &store, &fault, job)
     };
     let touching: Vec<Vec<u64>> = pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
-    let info = std::mem::replace(&mut head.info, crate::VolumeInfo::new([0; 3], crate::LabelType::U32));
     let known = Known { labelled: None, touching: Some(touching.concat()) };
     let parts = store.into_parts()?;
     let mut volume = volume_of_parts(info, parts, &known, &CompressOptions::default(), &folder, job)?;
-    // In the new volume, the id of each label is its dense index plus 1.
-    if volume.labels.len() != head.labels.len() {
-        let what = format!("labels: expected {}, got {}", head.labels.len(), volume.labels.len());
-        return Err(fault(what));
-    }
     // Its content hash is that of a volume with these ids.
     volume.hash = OnceLock::new();
-    let made = std::mem::take(&mut volume.labels);
-    volume.labels = LabelTable { voxels: made.voxels, contacts: made.contacts, ..head.labels };
     Ok(volume)
 }
 

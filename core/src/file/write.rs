@@ -57,6 +57,15 @@ impl CompressedVolume {
             let what = "only chosen labels were read of this volume; open all of it to save it";
             return Err(Error::Caller(format!("{path}: {what}")));
         }
+        if let Some(crate::FrameOf { number, .. }) = self.frame {
+            let path = path.display();
+            let what = format!(
+                "the volume is time step {number} of a series, with the labels of all its time steps"
+            );
+            return Err(Error::Caller(format!(
+                "{path}: {what}; write it in another format, and compress that"
+            )));
+        }
         let io = |source| Error::Io { path: path.to_owned(), source };
         // The temporary file comes first, so that a missing folder or permission shows before the work is done.
         let written = WrittenFile::for_place(path, |file| {
@@ -85,7 +94,7 @@ impl CompressedVolume {
         level: CompressionLevel,
         job: &Job,
     ) -> Result<(Layout, Vec<Vec<u8>>)> {
-        let head = head_sections(self, level)?;
+        let head = head_sections(self, level, None)?;
         let number = |chunk: usize| chunk as u32;
         let streams: Vec<nodes::Streams> = match level {
             CompressionLevel::Default => (0..self.chunks.len())
@@ -156,7 +165,7 @@ impl CompressedVolume {
         }
         let contents = if level == CompressionLevel::Small { Contents::Voxels } else { Contents::Boxes };
         let content_hash = self.content_hash();
-        Ok((Layout { contents, file_bytes: align(end), content_hash, entries }, sections))
+        Ok((Layout { contents, frames: 1, file_bytes: align(end), content_hash, entries }, sections))
     }
 }
 
@@ -172,19 +181,28 @@ pub(super) fn encoding_of(
     (width, delta, planes): Filters,
     level: CompressionLevel,
 ) -> Encoding {
-    // Coded voxels cannot be compressed any further.
-    let packed = level != CompressionLevel::Fast && name != *b"VOXL";
+    // Coded voxels and hashes cannot be compressed any further.
+    let packed = level != CompressionLevel::Fast && ![*b"VOXL", *b"FRAM"].contains(&name);
     Encoding { zstd: packed, width, delta: packed && delta, planes: packed && planes }
 }
 
 /// A section of the volume, not encoded: its name, its bytes and its filters.
 pub(super) type HeadSection<'a> = ([u8; 4], Cow<'a, [u8]>, Filters);
 
-/// The sections of a volume as a whole, apart from boxes and nodes.
-pub(super) fn head_sections(
-    volume: &CompressedVolume,
+/// What a file of a time series says beside the volume.
+pub(super) struct Frames {
+    /// The frame of each chunk of the volume.
+    pub(super) of_chunk: Vec<u32>,
+    /// Content hash of each frame.
+    pub(super) content_hashes: Vec<u128>,
+}
+
+/// The sections of a volume as a whole, apart from boxes and nodes. Of a time series it has the chunks of all frames.
+pub(super) fn head_sections<'v>(
+    volume: &'v CompressedVolume,
     level: CompressionLevel,
-) -> Result<Vec<HeadSection<'_>>> {
+    series: Option<&Frames>,
+) -> Result<Vec<HeadSection<'v>>> {
     let labels = &volume.labels;
     let columns = labels.columns.iter().map(|c| c.name.as_str()).collect();
     let info = Info { volume: &volume.info, types: &labels.type_names, columns };
@@ -201,21 +219,34 @@ pub(super) fn head_sections(
             labels.columns.iter().flat_map(|c| &c.values).flat_map(|v| v.to_le_bytes()).collect();
         sections.push((*b"LCOL", numbers.into(), (8, false, true)));
     }
-    let origin = |c: &Chunk| c.origin.into_iter().chain([0]).flat_map(u32::to_le_bytes).collect::<Vec<u8>>();
+    if let Some(series) = series {
+        let hashes = series.content_hashes.iter().flat_map(|hash| hash.to_le_bytes());
+        sections.push((*b"FRAM", hashes.collect::<Vec<u8>>().into(), PLAIN));
+    }
+    let frame = |c: usize| series.map_or(0, |series| series.of_chunk[c]);
+    let origin = |(c, chunk): (usize, &Chunk)| {
+        chunk.origin.into_iter().chain([frame(c)]).flat_map(u32::to_le_bytes).collect::<Vec<u8>>()
+    };
+    let whole_table: [HeadSection<'_>; 2] = [
+        (*b"LVOX", bytemuck::cast_slice(&labels.voxels).into(), (8, false, true)),
+        (*b"LCON", (&labels.contacts.bytes[..]).into(), PLAIN),
+    ];
     if level == CompressionLevel::Small {
-        let pieces: Vec<u8> = volume.chunks.iter().flat_map(origin).collect();
+        // The table of all frames follows from no frame alone.
+        if series.is_some() {
+            sections.extend(whole_table);
+        }
+        let pieces: Vec<u8> = volume.chunks.iter().enumerate().flat_map(origin).collect();
         sections.push((*b"PIEC", pieces.into(), PLAIN));
         return Ok(sections);
     }
-    let chunk = |c: &Chunk| {
-        let starts = [c.first_box, c.first_run, c.node_base].into_iter().flat_map(u64::to_le_bytes);
-        origin(c).into_iter().chain(starts).collect::<Vec<u8>>()
+    let chunk = |(c, chunk): (usize, &Chunk)| {
+        let starts = [chunk.first_box, chunk.first_run, chunk.node_base];
+        let starts = starts.into_iter().flat_map(u64::to_le_bytes);
+        origin((c, chunk)).into_iter().chain(starts).collect::<Vec<u8>>()
     };
-    let chunks: Vec<u8> = volume.chunks.iter().flat_map(chunk).collect();
-    sections.extend([
-        (*b"LVOX", bytemuck::cast_slice(&labels.voxels).into(), (8, false, true)),
-        (*b"LCON", (&labels.contacts.bytes[..]).into(), PLAIN),
-        (*b"CHNK", chunks.into(), PLAIN),
-    ] as [HeadSection<'_>; 3]);
+    let chunks: Vec<u8> = volume.chunks.iter().enumerate().flat_map(chunk).collect();
+    sections.extend(whole_table);
+    sections.push((*b"CHNK", chunks.into(), PLAIN));
     Ok(sections)
 }

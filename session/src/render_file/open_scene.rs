@@ -3,7 +3,7 @@
 use std::path::Path;
 use std::sync::Arc;
 
-use pumice_core::{CompressedVolume, Job, MeshData};
+use pumice_core::{CompressedVolume, Job, MeshData, frames_in_file};
 use pumice_formats::OpenOptions;
 use pumice_scene::{Scene, Show};
 
@@ -11,8 +11,8 @@ use super::overrides::apply;
 use super::request::RenderOverrides;
 use crate::error::{Result, SessionError, io};
 use crate::figure::{FigureFlags, FigureOptions};
-use crate::open::{Residence, open_chosen, open_meshes, open_shown};
-use crate::reading::record;
+use crate::open::{Kind, Residence, kind_of, open_chosen, open_meshes, open_shown};
+use crate::reading::{options_for, record};
 
 /// A scene with its volumes and meshes open.
 pub(crate) struct OpenedScene {
@@ -53,12 +53,16 @@ pub(crate) fn open_scene(
         let mut scene =
             Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
         check_files(&scene, reading)?;
+        if let Some(step) = overrides.time_step {
+            set_time_step(&mut scene, step)?;
+        }
         let volumes = open_shown(&scene, instead.as_ref(), reading, residence, job)?;
         show_chosen(figure, &mut scene, &volumes).map_err(wrong)?;
         let meshes = open_meshes(&scene)?;
         record(&mut scene, reading);
         (scene, volumes, meshes)
     } else {
+        let reading = &OpenOptions { time: overrides.time_step.or(reading.time), ..reading.clone() };
         let shows = instead.as_ref().unwrap_or(&Show::All);
         let volume = open_chosen(path, &[shows], reading, residence, job)?;
         let labels = overrides.labels.as_ref().map(|ids| dense_labels(&volume, ids)).transpose()?;
@@ -72,6 +76,29 @@ pub(crate) fn open_scene(
     apply(overrides, &mut scene, &volumes)?;
     scene.validate().map_err(|source| SessionError::Scene { path: path.into(), source })?;
     Ok(OpenedScene { scene, volumes, meshes })
+}
+
+/// Lets all volumes of a scene that have several time steps show this one.
+pub(super) fn set_time_step(scene: &mut Scene, step: u32) -> Result<()> {
+    for instance in &mut scene.instances {
+        if time_steps_of(&instance.source, &options_for(&instance.reading, &OpenOptions::default()))? > 1 {
+            instance.reading.time = Some(step);
+        }
+    }
+    Ok(())
+}
+
+/// Number of time steps of a file.
+pub(super) fn time_steps_of(path: &Path, reading: &OpenOptions) -> Result<u64> {
+    // Without the choice, so that the number is told.
+    let reading = OpenOptions { time: None, ..reading.clone() };
+    Ok(match kind_of(path, &reading)? {
+        Kind::Foreign => {
+            let choices = pumice_formats::probe(path, &reading)?.choices;
+            choices.iter().find(|choice| choice.keyword == "time").map_or(1, |choice| choice.count)
+        }
+        Kind::Compressed | Kind::Series => frames_in_file(path)?.into(),
+    })
 }
 
 /// Checks that no file that a scene names is written.

@@ -2,7 +2,7 @@
 
 use std::path::PathBuf;
 
-use pumice_formats::OpenOptions;
+use pumice_formats::{OpenOptions, TimeSteps};
 use pumice_picture::{Annotations, PicturePaths};
 use pumice_scene::{Lod, Mode, ViewTransform};
 
@@ -33,6 +33,8 @@ pub struct RenderOverrides {
     pub lod: Option<Lod>,
     /// Seed of every random number.
     pub seed: Option<u64>,
+    /// Time step of all volumes that have several: the file's or those of the scene. It takes precedence over what the scene says.
+    pub time_step: Option<u32>,
     /// Labels to show, by id: of a `.pumice` file, others are not read.
     pub labels: Option<Vec<u64>>,
     /// Whether the background is transparent.
@@ -54,6 +56,8 @@ pub struct RenderOverrides {
 pub struct RenderRequest {
     /// What to render.
     pub subject: Subject,
+    /// Time steps to render, each into a picture of its own ([`super::render_time_steps`]).
+    pub time_steps: Option<TimeSteps>,
     /// Where the picture goes: `.exr` or `.png`.
     pub out: PathBuf,
     /// Backend by name.

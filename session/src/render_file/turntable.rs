@@ -16,9 +16,9 @@ use crate::figure::turned;
 use crate::persistent_renderer::{PersistentRenderer, Watching};
 use crate::progressive::{CurvePoint, Stop};
 
-/// A picture of a turntable.
+/// A picture of a turntable or of an animation.
 #[derive(Clone, Debug, Serialize)]
-pub struct TurntablePicture {
+pub struct NumberedPicture {
     /// Its file.
     pub picture: PathBuf,
     /// Its cost and error.
@@ -36,7 +36,7 @@ pub fn render_turntable(
     request: &RenderRequest,
     job: &Job,
     watch: &mut (dyn FnMut(u32, &Stop, &CurvePoint) + Send),
-) -> Result<Vec<TurntablePicture>> {
+) -> Result<Vec<NumberedPicture>> {
     let count =
         request.overrides.figure.turntable.ok_or_else(|| {
             SessionError::Caller("--turntable: expected a number of pictures, got none".into())
@@ -66,14 +66,14 @@ pub fn render_turntable(
             }
             laid_out.apply(&mut rendered);
             format.write(&picture, &rendered.picture, &passes, request.paths)?;
-            pictures.push(TurntablePicture { picture, figures: rendered.figures });
+            pictures.push(NumberedPicture { picture, figures: rendered.figures });
         }
         Ok(pictures)
     })
 }
 
 /// `OUT_0001.png` for the first picture of `OUT.png`.
-fn numbered(out: &Path, number: u32) -> PathBuf {
+pub(super) fn numbered(out: &Path, number: u32) -> PathBuf {
     let mut name = out.file_stem().unwrap_or_default().to_owned();
     name.push(format!("_{:04}", number + 1));
     if let Some(extension) = out.extension() {

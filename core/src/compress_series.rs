@@ -1,0 +1,121 @@
+//! Compression of a time series: volumes of one size, frame after frame, into one file whose frames share nodes and leaves.
+//!
+//! ```text
+//! frame 0 ─► parts ─┐                      ┌─► chunk 0: boxes of frame 0, 1, 2 … over the nodes and leaves of this chunk
+//! frame 1 ─► parts ─┼─► by chunk and frame ┼─► chunk 1: …
+//! …                 ┘                      └─► one table of labels for all frames
+//! ```
+//! What stands still from one frame to the next has equal boxes, whose nodes are stored once. A volume in memory is one frame
+//! ([`crate::Series::frame`]).
+
+use std::path::Path;
+
+use crate::compress::{checked, make_parts, store_for, write_parts};
+use crate::{
+    BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Error, Job, LabelNote, Result,
+    VolumeInfo, WrittenVolume,
+};
+
+/// Delivers the frames of a time series, one after another.
+pub trait SeriesSource: Send {
+    /// Number of frames, at least 1.
+    fn frames(&self) -> u32;
+
+    /// Where a frame comes from, for messages: a file, or a time step of one.
+    fn name(&self, frame: u32) -> String;
+
+    /// Opens the next frame. The one before is read to its end.
+    ///
+    /// # Errors
+    /// Those of the source.
+    fn next_frame(&mut self) -> Result<Box<dyn BlockSource + '_>>;
+}
+
+/// Compresses a time series into one `.pumice` file, which appears under its name once all of it is on disk. Memory is bounded as in
+/// [`crate::compress_to_file`], but for 12 bytes for each box of all frames of the densest chunk. A series of one frame gives the file that
+/// its volume alone gives.
+///
+/// All frames must have the same size, label type, matrix and unit. Names of labels are those of the first frame that has them.
+///
+/// # Errors
+/// As [`crate::compress_to_file`]; [`Error::Caller`] where a frame differs from the first.
+pub fn compress_series_to_file(
+    source: &mut dyn SeriesSource,
+    path: &Path,
+    level: CompressionLevel,
+    options: &CompressOptions,
+    describe: &mut (dyn FnMut(&mut CompressedVolume) -> Result<()> + Send),
+    job: &Job,
+) -> Result<WrittenVolume> {
+    let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
+    let frames = source.frames();
+    let (mut first, mut store, mut labelled) = (None::<VolumeInfo>, None, 0);
+    for frame in 0..frames {
+        job.check()?;
+        let mut blocks = source.next_frame()?;
+        let mut info = checked(blocks.info().clone())?;
+        let (notes, voxels) = (std::mem::take(&mut info.notes), info.voxels());
+        match &mut first {
+            None => {
+                job.begin(info.voxels().saturating_mul(frames.into()));
+                store = Some(store_for(info.dims, frames, options, &folder));
+                first = Some(VolumeInfo { notes, ..info });
+            }
+            Some(first) => {
+                if let Some(what) = difference(first, &info) {
+                    drop(blocks);
+                    let (this, other) = (source.name(frame), source.name(0));
+                    return Err(Error::Caller(format!("{this}: {what}, as {other} has")));
+                }
+                join_notes(&mut first.notes, notes);
+            }
+        }
+        if let Some(store) = &store {
+            if frame > 0 {
+                store.next_frame()?;
+            }
+            let (threads, limit) = (options.thread_count(), options.memory_limit_bytes);
+            labelled += make_parts(blocks.as_mut(), voxels, store, threads, limit, job)?;
+        }
+    }
+    let (Some(info), Some(store)) = (first, store) else {
+        return Err(Error::Caller("a time series: expected at least one frame, got none".into()));
+    };
+    write_parts(path, level, info, (store.into_parts()?, labelled), options, &folder, describe, job)
+}
+
+/// What a frame has that differs from the first.
+fn difference(first: &VolumeInfo, this: &VolumeInfo) -> Option<String> {
+    let named =
+        |what: &str, expected: String, got: String| Some(format!("{what}: expected {expected}, got {got}"));
+    if this.dims != first.dims {
+        let text = |[x, y, z]: [u32; 3]| format!("{x} × {y} × {z}");
+        return named("voxels", text(first.dims), text(this.dims));
+    }
+    if this.label_type != first.label_type {
+        return named("label type", format!("{:?}", first.label_type), format!("{:?}", this.label_type));
+    }
+    if this.spacing() != first.spacing() {
+        return named("spacing", format!("{:?}", first.spacing()), format!("{:?}", this.spacing()));
+    }
+    if this.world_from_index != first.world_from_index {
+        let text = |info: &VolumeInfo| format!("{:?}", info.world_from_index.to_cols_array());
+        return named("place in the world", text(first), text(this));
+    }
+    if this.unit != first.unit || this.frame != first.frame {
+        let text = |info: &VolumeInfo| format!("{:?}, {:?}", info.unit, info.frame);
+        return named("unit and axes of the world", text(first), text(this));
+    }
+    None
+}
+
+/// Adds the notes of labels that have none yet; both come by rising id.
+fn join_notes(notes: &mut Vec<LabelNote>, more: Vec<LabelNote>) {
+    let known = notes.len();
+    for note in more {
+        if notes[..known].binary_search_by_key(&note.id, |n| n.id).is_err() {
+            notes.push(note);
+        }
+    }
+    notes.sort_by_key(|n| n.id);
+}

@@ -1,0 +1,102 @@
+"""Time series: volumes of one size, time step after time step, in one file whose time steps share what stands still."""
+
+from __future__ import annotations
+
+import json
+import os
+from collections.abc import Mapping, Sequence
+from typing import Any, Literal, Unpack
+
+import numpy.typing as npt
+
+from . import _native, arguments
+from .arguments import Choice, Level, Path
+from .blocks import Frame
+from .checked import checked
+from .errors import InputError
+from .label_table import AnnotationTable
+from .volume import MOST_THREADS, choice_of, described_source, table_of, type_table, warn
+
+Job = _native.Job
+TimeSteps = Literal["all"] | str | tuple[int, int]
+
+
+@checked
+def compress_series(
+    source: Path | Sequence[Path] | Sequence[Any] | Any,
+    out: Path,
+    *,
+    time_steps: TimeSteps | None = None,
+    level: Level = "default",
+    spacing: Sequence[float] | None = None,
+    unit: str = "",
+    world_from_index: npt.ArrayLike | None = None,
+    names: Mapping[int, str] | None = None,
+    types: Mapping[int, str] | Path | None = None,
+    table: AnnotationTable | Path | None = None,
+    memory_limit: int | None = None,
+    threads: int = 0,
+    job: Job | None = None,
+    **choice: Unpack[Choice],
+) -> dict[str, Any]:
+    """Compresses a time series into the `.pumice` file `out`, whose time steps `open(out, time=n)` opens one by one.
+
+    `source` is a file with several time steps, of which `time_steps` chooses `"all"` or the first and the last such as `(0, 19)`; a path with `{t}` in
+    place of a number, or a list of paths; an array[t, x, y, z], with `axes="zyx"` an array[t, z, y, x]; or a list of arrays of three axes. One time
+    step is read at a time. All must have the same size, type and place. Labels have one table for all time steps.
+
+    The other keywords are as for `compress` and `Volume.save`. Returns `dims`, and the numbers of `time_steps`, `labels`, `boxes` and `bytes_disk`."""
+    if types is not None and table is not None:
+        raise InputError("give types or table, not both")
+    typed = type_table(types)
+    table, told = table_of(table)
+    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
+    if memory_limit is not None:
+        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    described: list[Any] = []
+    read_as = arguments.ReadAs()
+    for frame in _frames_of(source):
+        one, read_as = described_source(frame, spacing, unit, world_from_index, names, choice_of(frame, choice))
+        described.append(one)
+    if len({isinstance(one, str) for one in described}) != 1:
+        raise InputError("source: expected paths alone, or arrays alone, of at least one time step")
+    if time_steps is not None and not isinstance(described[0], str):
+        raise InputError("time_steps: an array is read as it is; choose by slicing it")
+    written, odd = _native.compress_series(
+        described,
+        arguments.path("out", out),
+        time_steps=_text_of(time_steps),
+        level=level,
+        given=typed if table is None else table.native(),
+        memory_limit=memory_limit,
+        threads=threads,
+        read_as=read_as,
+        job=job,
+    )
+    warn([*told, *odd])
+    outcome: dict[str, Any] = json.loads(written)
+    outcome["dims"] = tuple(outcome["dims"])
+    return outcome
+
+
+def _frames_of(source: Any) -> Sequence[Any]:
+    """The path, paths or arrays of three axes that a source stands for."""
+    if isinstance(source, (str, os.PathLike)):
+        return [source]
+    if isinstance(source, (list, tuple)):
+        return source
+    if not hasattr(source, "dtype") or not hasattr(source, "shape"):
+        raise InputError(f"source: expected paths or arrays, got {type(source).__name__}")
+    if len(source.shape) != 4:
+        raise InputError(f"source: expected an array of four axes with time first, got shape {tuple(source.shape)}")
+    return [Frame(source, step) for step in range(source.shape[0])]
+
+
+def _text_of(time_steps: TimeSteps | None) -> str | None:
+    if time_steps is None or isinstance(time_steps, str):
+        return time_steps
+    try:
+        first, last = time_steps
+    except (TypeError, ValueError):
+        raise InputError(f"time_steps: expected 'all', or the first and the last time step, got {time_steps!r}") from None
+    return "-".join(str(arguments.whole("time_steps", step, 0, arguments.MOST_32)) for step in (first, last))
