@@ -32,15 +32,22 @@ pub(crate) struct Bar {
 }
 
 impl Bar {
-    /// Shows `what` and the job's progress on standard error, if that is a terminal, until the bar is dropped.
+    /// Shows `what`, the progress of the job's stage and the time that is left of it on standard error, if that is a terminal, until the bar is
+    /// dropped.
     pub(crate) fn follow(what: &'static str, job: &Arc<Job>) -> Self {
-        let bar = Self::empty(what, "{msg:11} {bar:36} {percent:>3} %  {elapsed}");
+        let bar = Self::empty(what, "{msg:11} {bar:36} {percent:>3} %  {elapsed}, stage done in {eta}");
         let stop = Arc::new(AtomicBool::new(false));
         let follow = || {
             let (bar, stop, job) = (bar.clone(), stop.clone(), job.clone());
             std::thread::Builder::new().name("pumice-progress".into()).spawn(move || {
+                let mut stage = 0;
                 while !stop.load(Ordering::Relaxed) {
                     let (done, total) = job.progress();
+                    if total != stage {
+                        // What the stage before did in a second says nothing of this one.
+                        bar.reset_eta();
+                        stage = total;
+                    }
                     bar.set_length(total.max(1));
                     bar.set_position(done.min(total));
                     std::thread::sleep(Duration::from_millis(66));
