@@ -40,7 +40,8 @@ def test_a_live_picture_comes_close_to_the_converged_one_sooner_when_it_is_denoi
     for row in (raw, smooth):
         # So few pixels converge while they are watched.
         assert float(row["FLIP 0.06, CPU s"]) > 0 and float(row["FLIP then"]) <= 0.06 < float(raw["its FLIP"]), row
-    assert int(smooth["with samples"]) <= int(raw["with samples"])
+    # (How many samples a frame has when it is shown depends on what else the machine does, so later frames are not compared.)
+    assert float(smooth["its FLIP"]) < float(raw["its FLIP"])
 
 
 def test_what_cannot_denoise_is_refused_before_anything_is_rendered(pumice, data, tmp_path):

@@ -92,9 +92,8 @@ def test_arrays_are_listed_with_shape_and_type(pumice, tmp_path):
 def test_files_that_say_their_axes_refuse_an_order(pumice, tmp_path):
     nrrd.write(str(tmp_path / "a.nrrd"), LABELS)
     nib.save(nib.Nifti1Image(LABELS, np.eye(4)), tmp_path / "a.nii.gz")
-    tifffile.imwrite(tmp_path / "a.tif", LABELS)
     run(pumice, "compress", tmp_path / "a.nrrd", "-o", tmp_path / "a.pumice").fine()
-    for name in ["a.nrrd", "a.nii.gz", "a.tif", "a.pumice"]:
+    for name in ["a.nrrd", "a.nii.gz", "a.pumice"]:
         for command in [["info"], ["render", "-o", tmp_path / "p.png", "--spp", "1"]]:
             line = run(pumice, command[0], tmp_path / name, *command[1:], "--axes", "zyx").refused()
             assert "zyx cannot be chosen" in line and "which axis is which" in line, name

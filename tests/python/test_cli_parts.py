@@ -144,7 +144,8 @@ def interrupted(pumice, args, moment, how):
 
     def end(process):
         time.sleep(moment)
-        process.send_signal(how)
+        # (`Popen.send_signal` would take the exit status of a process that has ended.)
+        os.kill(process.pid, how)
 
     return run(pumice, *args, meanwhile=end)
 

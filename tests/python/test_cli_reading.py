@@ -76,7 +76,7 @@ def drawn(pumice, subject, out, *more):
 
 
 def same(a, b):
-    return all(np.array_equal(a[name], b[name], equal_nan=True) for name in a.keys() | b.keys())
+    return a.keys() == b.keys() and all(np.array_equal(a[name], b[name], equal_nan=True) for name in a)
 
 
 @pytest.mark.parametrize("name", KINDS)
@@ -160,7 +160,7 @@ def test_nothing_is_recorded_where_nothing_was_said(pumice, data, tmp_path):
 @pytest.mark.parametrize(
     ("reading", "what"),
     [
-        ({"axes": "yxz"}, "expected `xyz` or `zyx`"),
+        ({"axes": "yxz"}, "expected one of `xyz`, `zyx`"),
         ({"layer": -1}, "line"),
         ({"layer": 7}, "--layer 7"),
         ({"spacing": [0, 1, 1]}, "reading.spacing[0]"),

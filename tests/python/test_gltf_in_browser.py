@@ -61,10 +61,11 @@ def folder(pumice, tmp_path_factory):
     """scene.json, its picture scene.exr, and scene.glb."""
     folder = tmp_path_factory.mktemp("viewed")
     np.save(folder / "cells.npy", labels())
+    reading = {"axes": "xyz", "spacing": [1.0, 1.0, 1.0]}
     style = {"material": {}, "materials": {str(id): material for id, material in MATERIALS.items()}}
     scene = {
         "version": 1,
-        "instances": [{"id": 1, "source": "cells.npy", "world_from_index": world_from_index().T.ravel().tolist(), "style": style}],
+        "instances": [{"id": 1, "source": "cells.npy", "reading": reading, "world_from_index": world_from_index().T.ravel().tolist(), "style": style}],
         "camera": {
             "world_from_camera": world_from_camera().T.ravel().tolist(),
             "projection": {"perspective": {"fov_rad": FOV_RAD}},
