@@ -89,7 +89,7 @@ def test_an_order_is_refused_where_the_file_says_it(cortex, volume, napari, tmp_
     np.save(tmp_path / "a.npy", napari)
     for axes in ("yxz", "ZYX", "", 3):
         for call, source in ((pumice.open, tmp_path / "a.npy"), (pumice.compress, napari), (pumice.probe, tmp_path / "a.npy")):
-            with pytest.raises(pumice.InputError, match="axes: expected 'xyz' or 'zyx'"):
+            with pytest.raises(pumice.InputError, match="axes: expected one of xyz, zyx, "):
                 call(source, axes=axes)
 
 

@@ -6,6 +6,7 @@ import os
 import numpy as np
 import pumice
 import pytest
+import tifffile
 
 # What no argument should be; some arguments accept some of them.
 HOSTILE = {
@@ -72,6 +73,8 @@ def made(small, tmp_path_factory):
     placed = {"id": 1, "source": "m", "world_from_mesh": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], "materials": [material]}
     reading = {"layer": None, "time": None, "channel": None, "array": None, "axes": "xyz"}
     raw = {"raw_dims": (4, 4, 4), "raw_type": "u16", "raw_big_endian": True, "raw_offset": 0}
+    pumice.compress_part(small, folder / "v.part", 0)
+    tifffile.imwrite(folder / "t.tif", np.stack([small, small]).astype(np.uint16), imagej=True, metadata={"axes": "TZYX"})
     (folder / "v.raw").write_bytes(small.astype(">u2").tobytes("F"))
     rows = {"names": ["a", "b"], "types": ["c", "d"], "columns": {"n": [1.0, 2.0]}}
     showing = {"visible": ([1], [True]), "groups": labels}
@@ -89,6 +92,26 @@ def made(small, tmp_path_factory):
         ),
         "compress with a table": (pumice.compress, {"source": small, "world_from_index": np.eye(4), "table": table}),
         "compress a file": (pumice.compress, {"source": folder / "v.npy", "types": folder / "types.csv", **reading}),
+        "chunk_count": (pumice.chunk_count, {"dims": (4, 4, 4)}),
+        "compress_part": (
+            pumice.compress_part,
+            {
+                **{"source": small, "out": "out.part", "chunks": "0", "fingerprint": "a", "spacing": (1, 1, 1), "unit": "nm", "names": {1: "a"}},
+                **{"memory_limit": 1 << 30, "threads": 1, "job": None, "axes": "xyz"},
+            },
+        ),
+        "merge": (
+            pumice.merge,
+            {"parts": [folder / "v.part"], "out": "out.pumice", "level": "fast", "types": {1: "a"}, "memory_limit": 1 << 30, "threads": 1, "job": None},
+        ),
+        "compress_series": (
+            pumice.compress_series,
+            {
+                **{"source": [small, small], "out": "out.pumice", "level": "fast", "spacing": (1, 1, 1), "unit": "nm", "names": {1: "a"}},
+                **{"types": {1: "a"}, "memory_limit": 1 << 30, "threads": 1, "job": None, "axes": "xyz"},
+            },
+        ),
+        "compress_series of a file": (pumice.compress_series, {"source": folder / "t.tif", "out": "out.pumice", "time_steps": "all"}),
         "distinct_colors": (pumice.distinct_colors, {"count": 3, "color_blind_safe": True}),
         "Volume.save": (volume.save, {"path": "out.pumice", "level": "fast", "job": None}),
         "Volume.verify": (volume.verify, {"source": small, "job": None, "axes": "xyz"}),
@@ -156,6 +179,7 @@ def made(small, tmp_path_factory):
 # The names in `made`, which needs a volume, and so is a fixture.
 NAMES = [
     *["open", "open labels", "open raw", "probe", "compress", "compress with a table", "compress a file", "distinct_colors"],
+    *["chunk_count", "compress_part", "merge", "compress_series", "compress_series of a file"],
     *["Volume.save", "Volume.verify", "Volume.decode", "Volume.label_at", "Volume.faces", "Volume.coarse_surface"],
     *["LabelTable.index_of", "LabelTable.rows_of", "LabelTable.isin", "LabelTable.query", "LabelTable.auto_colors"],
     *["AnnotationTable", "AnnotationTable.save"],

@@ -101,6 +101,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("transport/src/palette.rs", COLORS),
     ("transport/src/farthest_colors.rs", COLORS),
     ("cpu-renderer/src/traverse/volume_tracer/showing.rs", READY),
+    ("cpu-renderer/src/traverse/volume_tracer/pages.rs", ON_DISK),
     ("picture/src/lib.rs", NAMES),
     ("transport/src/renderer.rs", "the interface of all renderers"),
     ("transport/src/loaded_scene.rs", "a scene with its data, before a renderer has it"),
@@ -120,6 +121,7 @@ const CARRIED: &str = "adds what a scene does not need, for measurements; on a d
 const COMPILED: &str = "whether a feature is needed: a specialisation constant of the shader";
 const KEPT: &str =
     "finds weights that the CPU has kept or computes together; a shader computes each where it is needed";
+const ON_DISK: &str = "volumes that are drawn from disk, which the processor alone does";
 const SHOWN: &str = "the host computes it from the sums, for both renderers";
 
 /// Functions that only the host computes.
@@ -174,9 +176,20 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
                 "CompressedVolume::for_each_box",
                 "packing and building hierarchies visit all boxes; rays do not",
             ),
+            ("CompressedVolume::for_each_box_in_memory", "packing visits all boxes; rays do not"),
+            ("CompressedVolume::frame", "which time step was read; rays do not ask"),
         ],
     ),
     ("transport/src/bsdf/tables.rs", &[("floats", READY)]),
+    (
+        "transport/src/trace.rs",
+        &[
+            ("Tracer::failure", ON_DISK),
+            ("Tracer::least_samples_a_pass", ON_DISK),
+            ("Arc::failure", ON_DISK),
+            ("Arc::least_samples_a_pass", ON_DISK),
+        ],
+    ),
     (
         "transport/src/camera_rays.rs",
         &[("CameraRays::new", READY), ("CameraRays::near", READ), ("fitted_side", READY)],
@@ -291,6 +304,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[
             ("PathTracer::new", READY),
             ("PathTracer::restart", READY),
+            ("PathTracer::check", ON_DISK),
             ("PathTracer::sort_into_aovs", CARRIED),
             ("PathTracer::tracer", READ),
             ("PathTracer::film", READ),
@@ -371,6 +385,9 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("SceneTracer::is_smooth", COMPILED),
             ("SceneTracer::bytes", COUNTED),
             ("SceneTracer::label_at", "a query about a voxel, not about a ray"),
+            ("SceneTracer::page_loads", ON_DISK),
+            ("SceneTracer::failure", ON_DISK),
+            ("SceneTracer::least_samples_a_pass", ON_DISK),
         ],
     ),
     (
@@ -378,6 +395,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         &[
             ("BlockWalk::correct", "in brick_walk_begin, without a guess before it"),
             ("for_each_brick_along", "on a device the front end finds the bricks of a label"),
+            ("BrickStore::grid", ON_DISK),
+            ("BrickStore::hold", ON_DISK),
+            ("Bricks::grid", ON_DISK),
+            ("Bricks::hold", ON_DISK),
             ("steps_of", MASKS),
         ],
     ),
@@ -411,6 +432,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("f64x4", READY),
             ("within", READY),
             ("bounds_of", READY),
+            ("Bricks::are_possible", READY),
+            ("Bricks::of_blocks", READY),
+            ("Bricks::grid_of", ON_DISK),
+            ("blocks_along", READY),
         ],
     ),
     (
@@ -420,18 +445,29 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("VolumeTracer::box_origin", BOX_KNOWN),
             ("VolumeTracer::is_smooth", COMPILED),
             ("VolumeTracer::label_at", "a query about a voxel, not about a ray"),
+            ("VolumeTracer::failure", ON_DISK),
         ],
     ),
     (
         "cpu-renderer/src/traverse/volume_tracer/search.rs",
-        &[("Search::found", "the caller of the twin looks the label up")],
+        &[
+            ("Search::found", "the caller of the twin looks the label up"),
+            ("Search::label_of", "the caller of the twin looks the label up"),
+            ("Search::of_label", "a search begins with its query in the shader"),
+            ("VolumeTracer::nearest_in_pages", ON_DISK),
+        ],
     ),
     (
         "cpu-renderer/src/traverse/volume_tracer/surfaces.rs",
-        &[(
-            "VolumeTracer::for_each_box_near",
-            "the twin asks bricks, or a search at one point, in item_with",
-        )],
+        &[
+            (
+                "VolumeTracer::for_each_box_near",
+                "the twin asks bricks, or a search at one point, in item_with",
+            ),
+            ("VolumeTracer::way_out", "a step of the loop in the twin of `leave`"),
+            ("VolumeTracer::has", "the twin compares what item_with finds"),
+            ("VolumeTracer::place_with", "the twin asks item_with, then box_place"),
+        ],
     ),
     (
         "transport/src/geometry/bvh.rs",
