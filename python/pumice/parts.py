@@ -45,8 +45,9 @@ def compress_part(
 ) -> None:
     """Compresses some `chunks` of `source` into the part `out`: a number, numbers, or a text such as `"0,4-7"`. Only their voxels are read.
 
-    `source` and the other keywords are as for `compress`, those of reading as for `open`; names, types and numbers of a table are given to `merge`. A file is told from others by
-    its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts with others are not merged."""
+    `source` and the other keywords are as for `compress`, those of reading as for `open`; names, types and numbers of a table are given to
+    `merge`. A file is told from others by its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts
+    with others are not merged."""
     text = _text_of(chunks)
     threads = arguments.whole("threads", threads, 0, MOST_THREADS)
     if memory_limit is not None:

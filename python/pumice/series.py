@@ -45,7 +45,8 @@ def compress_series(
     place of a number, or a list of paths; an array[t, x, y, z], with `axes="zyx"` an array[t, z, y, x]; or a list of arrays of three axes. One time
     step is read at a time. All must have the same size, type and place. Labels have one table for all time steps.
 
-    `level` is that of `Volume.save`, the other keywords are as for `compress`, those of reading a file as for `open`. Returns `dims`, and the numbers of `time_steps`, `labels`, `boxes` and `bytes_disk`."""
+    `level` is that of `Volume.save`, the other keywords are as for `compress`, those of reading a file as for `open`. Returns `dims`, and the
+    numbers of `time_steps`, `labels`, `boxes` and `bytes_disk`."""
     if types is not None and table is not None:
         raise InputError("give types or table, not both")
     typed = type_table(types)
