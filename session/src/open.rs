@@ -92,11 +92,14 @@ fn chosen_frame(series: &Series, path: &Path, reading: &OpenOptions) -> Result<u
     })
 }
 
+/// Which labels are wanted, by dense index.
+type Chosen<'c> = &'c dyn Fn(&LabelTable) -> Vec<bool>;
+
 /// Opens the chosen frame of a time series; with `choose` only labels that it marks.
 pub(crate) fn open_frame(
     path: &Path,
     reading: &OpenOptions,
-    choose: Option<&dyn Fn(&LabelTable) -> Vec<bool>>,
+    choose: Option<Chosen<'_>>,
     job: &Job,
 ) -> Result<CompressedVolume> {
     let series = Series::open(path, job)?;

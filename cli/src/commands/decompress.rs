@@ -2,7 +2,7 @@
 
 use std::sync::Arc;
 
-use pumice_session::{Job, OpenOptions, decompress_file};
+use pumice_session::{Job, decompress_file};
 
 use crate::Answer;
 use crate::args::Decompress;
