@@ -18,6 +18,7 @@ import pytest
 
 from series_scene import STEPS, dense, write, write_nifti
 from stand_ins import Context, Engine, Module, Texture, Volume
+from test_import_files import dialog  # noqa: F401 (a fixture)
 
 # 16 bits, as the files have them.
 ARRAYS = [dense(step).astype(np.uint16) for step in range(STEPS)]
@@ -106,34 +107,47 @@ def test_a_compressed_series_is_opened_as_it_is(blender, tmp_path):
     assert [p.name for p in tmp_path.iterdir()] == ["cells.pumice"]
 
 
-@pytest.fixture
-def dialog(blender, extension):
-    """Makes the dialog of an import as it is after `ask`; returns its properties."""
-    module = importlib.import_module(f"{extension.__name__}.import_dialog")
-    facts = importlib.import_module(f"{extension.__name__}.file_facts")
-
-    def make(*paths):
-        module._facts = facts.Facts(list(map(str, paths)))
-        return module._facts
-
-    return make
-
-
-def test_the_menu_of_time_steps_has_all_of_them(dialog, tmp_path):
-    facts = dialog(write_nifti(tmp_path / "cells.nii", ARRAYS))
-    assert [item[0] for item in facts.menu("time")] == ["0", "1", "2", "3", "4", "all"]
-    answers = {"time_steps": "all"}
-    assert facts.answers_for(facts.paths[0], answers) == answers and facts.lines(answers)[0][0].startswith("40 × 20 × 16 voxels")
-    compressed = dialog(write(tmp_path / "cells.pumice"))
-    assert compressed.lines({})[0][0].endswith("with 5 time steps, opened as it is") and len(compressed.menu("time")) == STEPS + 1
-    assert compressed.answers_for(compressed.paths[0], {"time": 2}) == {"time": 2}
+def test_the_dialog_asks_for_time_steps_and_offers_all_of_them(dialog, tmp_path, extension):  # noqa: F811
+    facts = lambda: importlib.import_module(f"{extension.__name__}.import_dialog")._facts  # noqa: E731
+    path = write_nifti(tmp_path / "cells.nii", ARRAYS)
+    shown = dialog(path)
+    # Of a file of another program one is read, as before, until the user says otherwise.
+    assert shown.asked_for() == {"time_menu"} and shown.choice_of(str(path)) == {"time": 0}
+    assert [item[0] for item in facts().menu("time")] == ["0", "1", "2", "3", "4", "all"]
+    shown.time_steps = "all"
+    assert shown.asked_for() == {"time_menu", "time_steps"} and shown.choice_of(str(path)) == {"time_steps": "all"}
+    assert shown.lines()[0].startswith("40 × 20 × 16 voxels") and "Compressed before: opens at once" not in shown.lines()
+    imported(path, time_steps="all")
+    shown = dialog(path)
+    shown.time_steps = "all"
+    assert "Compressed before: opens at once" in shown.lines()
+    # A compressed series was made to be one.
+    path = write(tmp_path / "cells.pumice")
+    shown = dialog(path)
+    assert shown.asked_for() == {"time_menu", "time_steps"} and shown.choice_of(str(path)) == {"time_steps": "all"}
+    assert shown.lines()[0].endswith("with 5 time steps, opened as it is") and len(facts().menu("time")) == STEPS + 1
+    shown.time_steps, shown.time = "", 2
+    assert shown.choice_of(str(path)) == {"time": 2}
     # Control: a file without time is not asked for it, and gets no answer to it.
     pumice.compress(dense(0)).save(tmp_path / "one.pumice")
-    still = dialog(tmp_path / "one.pumice")
-    assert still.menu("time") == [] and still.answers_for(still.paths[0], answers) == {}
+    shown = dialog(tmp_path / "one.pumice")
+    shown.time_steps = "all"
+    assert shown.asked_for() == set() and shown.choice_of(str(tmp_path / "one.pumice")) == {}
 
 
-def test_the_menu_sets_what_a_script_sets(dialog, tmp_path):
+def test_the_dialog_offers_files_as_one_series(dialog, tmp_path):  # noqa: F811
+    files = [write_nifti(tmp_path / f"t_{step + 8}.nii", [array]) for step, array in enumerate(ARRAYS)]
+    for chosen, expected in [(files[:1], files), (files[3:1:-1], files[2:4])]:
+        shown = dialog(*chosen)
+        assert shown.asked_for() == {"use_sequence"} and len(shown.wanted(bpy.context.scene)) == len(chosen), "it is off"
+        shown.use_sequence = True
+        (wanted,) = shown.wanted(bpy.context.scene)
+        assert wanted.source == str(expected[0]) and wanted.choice == {"files": [file.name for file in expected]}
+    # Control: a file without siblings.
+    assert dialog(write_nifti(tmp_path / "alone_1.nii", ARRAYS[:1])).asked_for() == set()
+
+
+def test_the_menu_sets_what_a_script_sets(dialog, tmp_path):  # noqa: F811
     imported(write(tmp_path / "cells.pumice"), time_steps="all")
     properties = bpy.context.window_manager.operator_properties_last("pumice.import_volume")
     dialog(tmp_path / "cells.pumice")

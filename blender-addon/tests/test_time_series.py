@@ -16,7 +16,7 @@ import numpy as np
 import pumice
 import pytest
 
-from series_scene import BALL, RARE, SEEN, SPP, STEPS, dense, made, write
+from series_scene import BALL, DIMS, RARE, SEEN, SPP, STEPS, dense, made, write
 from stand_ins import Engine
 from test_animation import animated, key, interpolate
 from test_real_volumes import exr, load, settle, viewport_of
@@ -75,6 +75,8 @@ def test_labels_are_there_when_they_are_there_in_their_own_colors(series, extens
     """Rows of the label pass against the ids of the arrays, and no row changes its color."""
     ids = np.concatenate([[0], load(extension, "label_table").ids(series.pumice.table).astype(np.uint64)])
     table = load(extension, "label_table").colors(series.pumice.table).copy()
+    places = np.array([vertex.co[:] for vertex in series.pumice.table.vertices])
+    assert (places >= 0.0).all() and (places <= DIMS).all(), "also of a label that is not there at the import"
     shown = [set(np.unique(ids[picture["Label.X"].astype(int)]).tolist()) - {0} for picture in animated(bpy, bpy.context.scene, tmp_path, range(1, 6)).values()]
     for step, labels in enumerate(shown):
         assert labels <= set(np.unique(dense(step)).tolist()) and BALL in labels
