@@ -19,21 +19,22 @@ A module imports only from lines below its own:
     viewport         final_render         usd_stage            usd_values           proxy_update
     persistent       render_work          render_result
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
-    figure_follow
+    figure_follow    import_dialog
     scale_bar            legend
-    volume_object    picture_texture      missing_boxes        overlay              import_dialog        opening          color_ramp
+    volume_object    picture_texture      missing_boxes        overlay              opening              color_ramp
     provenance           figure_frame         figure_part          proxy
     proxy_material
     sync.*           registry             preferences          file_facts           label_carry          figure_settings
     active_volume
     label_table      properties           cache                devices              mesh_file            units
-    file_paths       volume_place         table_writes
+    file_paths       volume_place         table_writes         time_settings        file_series
+    time_steps
     background       verify_maps
     reports
     native
 
 `sync` converts Blender's data to plain values. sync.matrix, sync.camera, sync.parts, sync.edits, cache, devices, mesh_file, overlay,
-file_facts, opening and units do not use Blender.
+file_facts, file_series, opening, time_steps and units do not use Blender.
 
 Nothing here touches the voxels: they stay in Rust, and arrays come through the buffer protocol.
 """
@@ -78,6 +79,7 @@ from . import (
     registry,
     reload_volume,
     table_writes,
+    time_settings,
     verify,
     verify_maps,
     viewport,
@@ -86,6 +88,7 @@ from . import (
 # Registered in this order, unregistered in reverse.
 MODULES = (
     properties,
+    time_settings,
     preferences,
     file_paths,
     registry,

@@ -32,6 +32,9 @@ class Work:
             self.result = self.call(self.job)
         except BaseException as error:  # an exception cannot leave the thread: the operator reads it here
             self.error = error
+        finally:
+            # It may refer to this object, and such a circle keeps the result, with its volumes, until Python looks for circles.
+            self.call = None
 
 
 class InBackground:
@@ -88,6 +91,8 @@ class InBackground:
             return self._outcome(context)
         finally:
             self.ended()
+            # Blender may keep the operator, and an import's result holds its volumes.
+            self._work = None
 
     def _outcome(self, context):
         work = self._work

@@ -14,19 +14,30 @@ import json
 import os
 import tempfile
 
+# Of a compressed file.
+FIRST_BYTES = b"\x89PUMICE\n"
+
 
 def is_compressed(path):
     """Whether a file is already in the compressed form."""
     if os.path.isdir(path):  # slices
         return False
     with open(path, "rb") as file:
-        return file.read(6) == b"PUMICE" or os.path.splitext(path)[1].lower() == ".pumice"
+        return file.read(8) == FIRST_BYTES or os.path.splitext(path)[1].lower() == ".pumice"
+
+
+def time_steps(path):
+    """Number of time steps of a compressed file, from its header (bytes 36 to 40); 1 where it has no time, or is damaged, which opening says."""
+    with open(path, "rb") as file:
+        header = file.read(40)
+    return max(1, int.from_bytes(header[36:40], "little")) if len(header) == 40 and header[:8] == FIRST_BYTES else 1
 
 
 def file_name(source, choice):
-    """Name of the compressed form of `source` read with `choice` (a dict of plain values)."""
-    # A table of joined ids is read as the source is.
+    """Name of the compressed form of `source` read with `choice` (a dict of plain values); its `files` are names of files beside `source`."""
+    # A table of joined ids is read as the source is, and so are the files of a series.
     tables = [_state(choice["relabel"])] if os.path.isfile(choice.get("relabel", "")) else []
+    tables += [_state(os.path.join(os.path.dirname(source), name)) for name in choice.get("files", ())]
     state = json.dumps([os.path.basename(source), _state(source), choice, *tables], sort_keys=True)
     digest = hashlib.blake2b(state.encode(), digest_size=8).hexdigest()
     stem = os.path.basename(os.path.normpath(source))

@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatProperty
 
-from . import file_paths, label_table, native, registry, volume_place
+from . import label_table, native, registry, volume_place
 from .background import InBackground, Work
 from .properties import is_volume
 from .reports import Refused
@@ -43,7 +43,7 @@ class Wanted:
 
     def __init__(self, obj):
         self.obj, self.name, table = obj, obj.name, obj.pumice.table
-        self.entry = registry.request(file_paths.find(obj)[0])
+        self.entry = registry.request_shown(obj)
         place = volume_place.fit(obj.data)
         if place is None:
             raise Refused(f"{obj.name}: {volume_place.LOST}")

@@ -178,7 +178,7 @@ class PUMICE_OT_figure_estimate(InBackground, bpy.types.Operator):
         sources, backend = small.sources(), preferences.backend(context.scene.pumice)
 
         def call(job):
-            volumes = [registry.wait(source, lambda: False) for source in sources]
+            volumes = registry.wait_all(sources, lambda: False)
             limits = {"spp": PROBE_SAMPLES, "seconds": PROBE_SECONDS}
             picture = pumice.render(scene, volumes, meshes=geometries, backend=backend, job=job, **limits)
             return picture, small.film["width"] * small.film["height"]

@@ -5,6 +5,8 @@
     header ──► dims, voxel size, unit, directions, type, memory, warnings      lines
            ──► layers, time steps, channels, arrays, order of axes             menus; an answer is read with the header again
 
+Of time steps all may be read, as one animated volume: `time_steps` answers the choice of `time` too.
+
 Does not use Blender.
 """
 
@@ -17,6 +19,9 @@ from .reports import one_line
 
 # What a file may leave open, by the keyword of `pumice.compress` that answers it.
 KEYWORDS = ("layer", "time", "channel", "array", "axes", "label", "dataset", "scale")
+TIME_STEPS = "time_steps"
+# Value of the menu of time steps that reads all of them.
+ALL = "all"
 # Files by which the folder of a store can be chosen.
 DESCRIPTIONS = ("zarr.json", ".zarray", ".zgroup", ".zattrs", "info", "attributes.json")
 # A longer menu does not fit on a screen: a number is typed instead.
@@ -37,6 +42,7 @@ class Facts:
     def of(self, path, choice):
         """What a file says, read with `choice`: the fields of `pumice.probe`, or one line that says why it cannot be read. Of a compressed volume it
         has `kind` and the file's bytes, because reading more of it may take as long as opening it."""
+        choice = {name: value for name, value in choice.items() if name != TIME_STEPS}
         key = path, json.dumps(choice, sort_keys=True)
         if key not in self._said:
             self._said[key] = _header(path, choice)
@@ -53,7 +59,7 @@ class Facts:
         if "axes" in left and "axes" in answers:
             # What the pages of a TIFF file are decides whether there are time steps and channels.
             left = {"axes": left["axes"]} | _choices(self.of(path, {"axes": answers["axes"]}))
-        return {name: value for name, value in answers.items() if name not in KEYWORDS or name in left}
+        return {name: value for name, value in answers.items() if name not in (*KEYWORDS, TIME_STEPS) or (name if name != TIME_STEPS else "time") in left}
 
     def menu(self, keyword):
         """Items for a menu of Blender. It must find the same strings each time."""
@@ -63,6 +69,9 @@ class Facts:
             self._menus[keyword] = [
                 (v["value"], f"{v['value']}: {v['text']}" if v["text"] else v["value"], v["text"], number) for number, v in enumerate(values)
             ]
+            if keyword == "time" and values:
+                text = f"All {choice['count']} time steps, as one volume that follows the scene's frame"
+                self._menus[keyword].append((ALL, "All", text, len(values)))
         return self._menus[keyword]
 
     def lines(self, answers):
@@ -89,7 +98,10 @@ def _header(path, choice):
     try:
         if not cache.is_compressed(path):
             return native.require().probe(path, **choice)
-        return {"kind": "pumice", "bytes_disk": os.path.getsize(path), "warnings": []}
+        count = cache.time_steps(path)
+        values = [{"value": str(step), "text": ""} for step in range(min(count, MOST_IN_MENU))]
+        choices = [{"keyword": "time", "count": count, "values": values, "is_series": True}] if count > 1 and "time" not in choice else []
+        return {"kind": "pumice", "bytes_disk": os.path.getsize(path), "warnings": [], "choices": choices, "time_steps": count}
     except Exception as error:
         return one_line(error)
 
@@ -101,7 +113,8 @@ def _choices(said):
 
 def _size(said):
     if said["kind"] == "pumice":
-        return f"compressed volume of {_bytes(said['bytes_disk'])}, opened as it is"
+        steps = f" with {said['time_steps']} time steps" if said["time_steps"] > 1 else ""
+        return f"compressed volume of {_bytes(said['bytes_disk'])}{steps}, opened as it is"
     x, y, z = said["dims"]
     size = " × ".join(f"{length:.6g}" for length in said["spacing"])
     unit = UNITS.get(said["unit"], said["unit"])

@@ -15,7 +15,9 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import cache, file_facts
+from . import cache, file_facts, file_series, opening, time_settings
+from .reports import Refused
+from .time_steps import Playback
 
 AXES = (
     ("file", "As the File Says", "Arrays of NumPy, and plain ones of Zarr and HDF5, do not say which axis is which, nor do some TIFF files; a warning tells what is assumed", 0),
@@ -52,12 +54,15 @@ def _menu(keyword):
 
     def at(properties):
         values = [item[0] for item in _facts.menu(keyword)]
-        chosen = str(getattr(properties, keyword))
+        chosen = file_facts.ALL if keyword == "time" and properties.time_steps else str(getattr(properties, keyword))
         return values.index(chosen) if chosen in values else 0
 
     def choose(properties, number):
         value = _facts.menu(keyword)[number][0]
-        setattr(properties, keyword, value if keyword in TEXTS else int(value))
+        if keyword == "time":
+            properties.time_steps = value if value == file_facts.ALL else ""
+        if value != file_facts.ALL:
+            setattr(properties, keyword, value if keyword in TEXTS else int(value))
 
     return EnumProperty(
         name=NAMES[keyword],
@@ -94,6 +99,24 @@ class ImportDialog(ImportHelper):
     )
     time: IntProperty(
         name="Time Step", description="Time step to read, if the file has several; -1 if it has one", min=-1, default=-1, options={"SKIP_SAVE"}
+    )
+    time_steps: StringProperty(
+        name="Time Steps",
+        description=(
+            "Time steps to read as one volume that follows the scene's frame, if the file has several: all, or the first and the last, counted from 0, "
+            "such as 0-19; empty reads one"
+        ),
+        default="",
+        options={"SKIP_SAVE"},
+    )
+    use_sequence: BoolProperty(
+        name="As Time Series",
+        description=(
+            "Read the files as the time steps of one volume that follows the scene's frame, in the order of the numbers in their names; of one file, "
+            "those whose names differ from it in the last number"
+        ),
+        default=False,
+        options={"SKIP_SAVE"},
     )
     channel: IntProperty(
         name="Channel", description="Channel to read, if the file has several; -1 if it has one", min=-1, default=-1, options={"SKIP_SAVE"}
@@ -133,6 +156,7 @@ class ImportDialog(ImportHelper):
     scale_menu: _menu("scale")
 
     _browsing = False
+    _counted = None
     asked = False
 
     def invoke(self, context, event):
@@ -155,13 +179,19 @@ class ImportDialog(ImportHelper):
 
         def is_kept(path, choice):
             # Asked at each drawing, and the files of a store are counted for it.
-            key = path, repr(sorted(choice.items()))
+            key = path, self.use_sequence, repr(sorted(choice.items()))
             if key not in kept:
+                if self.use_sequence:
+                    choice = choice | {"files": [os.path.basename(file) for file in self.files_of_series()]}
                 kept[key] = cache.existing(self.places(path, choice)) is not None
             return kept[key]
 
         _facts = file_facts.Facts(self.paths(), is_kept)
         self.asked = True
+        time = _facts.open_choice("time")
+        if time is not None and self.time < 0 and not self.time_steps and time.get("is_series"):
+            # A compressed series was made to be one; a file of another program may have slices that were saved as time steps.
+            self.time_steps = file_facts.ALL
         for keyword in ("layer", "time", "channel", "scale"):
             if getattr(self, keyword) < 0 and _facts.open_choice(keyword) is not None:
                 setattr(self, keyword, 0)
@@ -179,6 +209,25 @@ class ImportDialog(ImportHelper):
         """How a file is read: keywords of `pumice.compress`. In the dialog a file gets only the answers to what it leaves open."""
         return _facts.answers_for(path, self._choice()) if self.asked else self._choice()
 
+    def wanted(self, scene):
+        """What is opened: `opening.Wanted` for each volume."""
+        played, frame = Playback(start=scene.frame_start, duration=0), time_settings.now(scene)
+        chosen = [(path, self.choice_of(path)) for path in self.paths()]
+        if self.use_sequence:
+            files = self.files_of_series()
+            chosen = [(files[0], self.choice_of(files[0]) | {"files": [os.path.basename(file) for file in files]})]
+        return [opening.Wanted(path, choice, self.places(path, choice), played, frame) for path, choice in chosen]
+
+    def files_of_series(self):
+        """The files that `use_sequence` makes one volume of, in the order of their numbers. Raises Refused where there is only one."""
+        paths = self.paths()
+        files = file_series.ordered(paths) if len(paths) > 1 else file_series.siblings(paths[0])
+        if len(files) < 2:
+            raise Refused(f"{paths[0]}: As Time Series: no other file differs from it in the last number of its name")
+        if len({os.path.dirname(file) for file in files}) > 1:
+            raise Refused("As Time Series: the files are in different folders")
+        return files
+
     def check(self, _context):
         """Whether the dialog is drawn again after a change: an answer may change what the file says."""
         return True
@@ -191,6 +240,9 @@ class ImportDialog(ImportHelper):
             layout.label(text="A dialog follows with what the files say")
             return
         self._draw_facts(layout)
+        if len(_facts.paths) > 1 or self._siblings() > 1:
+            count = len(_facts.paths) if len(_facts.paths) > 1 else self._siblings()
+            layout.prop(self, "use_sequence", text=f"As Time Series of {count} Files")
         column = layout.column(heading="Voxel Size")
         column.prop(self, "use_spacing", text="")
         if self.use_spacing:
@@ -213,6 +265,8 @@ class ImportDialog(ImportHelper):
             if choice is not None:
                 fits = keyword in TEXTS or choice["count"] <= file_facts.MOST_IN_MENU
                 layout.prop(self, f"{keyword}_menu" if fits else keyword, text=NAMES[keyword])
+                if keyword == "time" and (self.time_steps or not fits):
+                    layout.prop(self, "time_steps")
         if _facts.open_choice("axes") is not None:
             # Buttons have no place for a name in a split layout.
             split = layout.split(factor=0.4)
@@ -246,7 +300,9 @@ class ImportDialog(ImportHelper):
 
     def _choice(self):
         choice = {n: getattr(self, n) for n in ("layer", "time", "channel", "scale") if getattr(self, n) >= 0}
-        choice |= {n: getattr(self, n) for n in (*TEXTS, "roi") if getattr(self, n)}
+        choice |= {n: getattr(self, n) for n in (*TEXTS, "roi", file_facts.TIME_STEPS) if getattr(self, n)}
+        if file_facts.TIME_STEPS in choice:
+            choice.pop("time", None)
         if self.relabel:
             choice["relabel"] = os.path.abspath(bpy.path.abspath(self.relabel))
         if self.axes != "file":
@@ -254,6 +310,12 @@ class ImportDialog(ImportHelper):
         if self.use_spacing:
             choice["spacing"] = tuple(self.spacing)
         return choice
+
+    def _siblings(self):
+        """Number of files whose names differ from that of the only file in one number; asked once, since the dialog is drawn often."""
+        if self._counted is None:
+            self._counted = len(file_series.siblings(_facts.paths[0]))
+        return self._counted
 
     def places(self, path, choice):
         """Where the compressed form of a file may be."""

@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from . import file_facts, first_look, label_files, label_table, native, opening, proxy_update, registry, units, viewport, volume_object
+from . import file_facts, first_look, label_files, label_table, native, opening, proxy_update, registry, time_settings, units, viewport, volume_object
 from .background import InBackground, Work
 from .import_dialog import ImportDialog
 
@@ -87,8 +87,7 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
     )
 
     def begin(self, context):
-        choices = [(path, self.choice_of(path)) for path in self.paths()]
-        wanted = [opening.Wanted(path, choice, self.places(path, choice)) for path, choice in choices]
+        wanted = self.wanted(context.scene)
         return Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
 
     def finish(self, context, opened):
@@ -115,7 +114,9 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
             first_look.prepare(context, *made, frame_camera=self.use_camera, light=self.use_light, rendered=self.use_engine)
         viewport.redraw_all()
         for settings, name in ((obj.pumice, obj.name) for obj in made):
-            self.report({"INFO"}, f"{name}: {settings.labels} labels, 1 {settings.unit} is {settings.display_scale:.6g} Blender units")
+            steps = settings.id_data.pumice_time.time_steps
+            said = f"{settings.labels} labels" + (f" at {steps} time steps" if steps else "")
+            self.report({"INFO"}, f"{name}: {said}, 1 {settings.unit} is {settings.display_scale:.6g} Blender units")
 
     def draw_options(self, context, layout):
         column = layout.column(heading="Labels")
@@ -150,6 +151,7 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
             former=_former_table(context) if self.use_known_colors else None,
         )
         obj["pumice_choice"] = json.dumps(opened.choice)
+        time_settings.describe(obj, opened.volume, opened.playback)
         if annotations is not None:
             table, left_out = annotations
             for line in left_out + label_files.annotate(obj.pumice.table, table):

@@ -9,7 +9,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 
-from . import active_volume, color_ramp, file_paths, first_look, label_colors, label_search, label_table, native, registry, volume_place
+from . import active_volume, color_ramp, first_look, label_colors, label_search, label_table, native, registry, volume_place
 from .reports import Refused, log, one_line
 
 MOST_64 = (1 << 64) - 1
@@ -314,6 +314,9 @@ class PUMICE_OT_labels_frame(OnLabels, bpy.types.Operator):
     def change(self, context, table):
         rows, labels = selected(table), _labels(context, table)
         obj = active_volume.of(context)
+        rows = rows[labels.voxels[rows] > 0]
+        if not len(rows):
+            raise Refused(f"{obj.name}: the selected labels are not there at the time step that is shown")
         place = volume_place.world_from_index(obj)
         if place is None:
             raise Refused(f"{obj.name}: {volume_place.LOST}")
@@ -346,9 +349,9 @@ def slot_of(obj, slot):
 
 
 def _labels(context, table):
-    """The labels of the active volume, by the rows of its label table. Raises Refused."""
+    """The labels of the active volume, at the time step that is shown, by the rows of its label table. Raises Refused."""
     obj = active_volume.of(context)
-    entry = registry.request(file_paths.find(obj)[0])
+    entry = registry.request_shown(obj)
     native.require()
     # A few seconds at most, once in a session: an operator must end before it returns.
     entry.done.wait()

@@ -62,6 +62,8 @@ def create(name, labels):
     _write(mesh, "voxels", *(("INT", "value", voxels.astype(np.int32)) if is_small else ("FLOAT", "value", voxels.astype(np.float32))))
     # Each vertex is in the middle of its label's bounds, in voxels, for the Spreadsheet and Geometry Nodes.
     middle = (np.asarray(labels.low, dtype=np.float32) + np.asarray(labels.high, dtype=np.float32) + 1.0) / 2.0
+    # A label that is not there at the time step has no bounds.
+    middle[voxels == 0] = 0.0
     mesh.vertices.foreach_set("co", middle.reshape(-1, 3).ravel())
 
     set_types(mesh, [str(t or "") for t in labels.types])

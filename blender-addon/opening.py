@@ -5,22 +5,30 @@
     source ──► is its compressed form there? ──yes──► open
                   │no
                   └──► compress ──► save under the name that `cache` gives
+
+Of a series, one file has all time steps, and one of them is opened: the one that is shown first.
 """
 
 import os
 from typing import Any, NamedTuple
 
 from . import cache, native
+from .reports import Refused
+from .time_steps import Playback
 
 
 class Wanted(NamedTuple):
     """A file to open."""
 
     source: str
-    # How it is read: keywords of `pumice.compress`.
+    # How it is read: keywords of `pumice.compress`; for a series `time_steps` of `pumice.compress_series`, or `files`, the names of its files beside
+    # `source`.
     choice: dict
     # Where its compressed form may be, the preferred place first.
     paths: list
+    # How a series is played, and the frame at which it is shown; all of it without a duration.
+    playback: Playback = Playback(duration=0)
+    frame: float = 1.0
 
 
 class Opened(NamedTuple):
@@ -33,6 +41,8 @@ class Opened(NamedTuple):
     volume: Any
     # What the reader found odd or assumed, one line each.
     warnings: list
+    # How its time steps are played; of no meaning where it has none.
+    playback: Playback = Playback()
 
 
 def open_all(wanted, job, tell):
@@ -44,15 +54,52 @@ def _open(wanted, job, tell):
     pumice, name = native.require(), os.path.basename(wanted.source)
     tell(f"Reading {name}")
     compressed = cache.is_compressed(wanted.source)
+    files = [os.path.join(os.path.dirname(wanted.source), name) for name in wanted.choice.get("files", ())]
+    reading = {name: value for name, value in wanted.choice.items() if name not in ("time_steps", "files")}
+    if compressed and not files and cache.time_steps(wanted.source) > 1:
+        return _one_of_series(wanted, job, reading)
     if compressed and not wanted.choice:
         return Opened(wanted.source, {}, wanted.source, pumice.open(wanted.source, job=job), [])
-    odd = [] if compressed else pumice.probe(wanted.source, job=job, **wanted.choice)["warnings"]
+    is_series = len(reading) < len(wanted.choice)
+    odd = [] if compressed else pumice.probe(wanted.source, job=job, **reading)["warnings"]
     kept = cache.existing(wanted.paths)
     if kept is not None:
-        return Opened(wanted.source, wanted.choice, kept, pumice.open(kept, job=job), odd)
+        return _at_frame(wanted, kept, job, odd) if is_series else Opened(wanted.source, wanted.choice, kept, pumice.open(kept, job=job), odd)
     target = cache.writable(wanted.paths)
     tell(f"Compressing {name}")
+    if is_series:
+        pumice.compress_series(files or wanted.source, target, time_steps=wanted.choice.get("time_steps"), job=job, **reading)
+        return _at_frame(wanted, target, job, odd)
     volume = pumice.compress(wanted.source, job=job, **wanted.choice)
     tell(f"Saving {name}")
     volume.save(target, job=job)
     return Opened(wanted.source, wanted.choice, target, volume, odd)
+
+
+def _one_of_series(wanted, job, reading):
+    """Opens a compressed series as it is: all of it, or one time step, which is a series that is played nowhere else."""
+    time_step, all_steps = reading.pop("time", None), wanted.choice.get("time_steps")
+    if reading or all_steps not in (None, "all"):
+        what = ", ".join(reading) or f"time_steps {all_steps}"
+        raise Refused(f"{wanted.source}: {what}: a compressed series is opened as it is; Offset and Frames play a part of it")
+    if all_steps is None:
+        if time_step is None:
+            count = cache.time_steps(wanted.source)
+            raise Refused(f"{wanted.source}: the file has {count} time steps; choose one with time (0 to {count - 1}), or all with time_steps 'all'")
+        if wanted.playback.duration == 0:
+            wanted = wanted._replace(playback=wanted.playback._replace(offset=time_step, duration=1))
+        if time_step >= cache.time_steps(wanted.source):
+            native.require().open(wanted.source, time=time_step, job=job)  # says why not
+    return _at_frame(wanted, wanted.source, job, [])
+
+
+def _at_frame(wanted, path, job, odd):
+    """Opens the time step of a compressed file that its playback shows at the frame, or next to it."""
+    count, played = cache.time_steps(path), wanted.playback
+    if played.duration == 0:
+        played = played._replace(duration=count)
+    if count == 1:
+        volume = native.require().open(path, job=job)
+    else:
+        volume = native.require().open(path, time=played.nearest(wanted.frame, count), job=job)
+    return Opened(wanted.source, wanted.choice, path, volume, odd, played)

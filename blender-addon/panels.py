@@ -7,7 +7,7 @@ import textwrap
 import bpy
 import numpy as np
 
-from . import native, passes, preferences, scene_reader, verify_maps, volume_object, volume_place
+from . import native, passes, preferences, scene_reader, time_settings, verify_maps, volume_object, volume_place
 from .properties import is_volume
 from .sync import cuts, drawn, instances, lights, materials, meshes, world
 
@@ -201,6 +201,28 @@ class PUMICE_OBJECT_PT_volume(bpy.types.Panel):
         layout.operator_menu_enum("pumice.add_cut", "shape")
 
 
+class PUMICE_OBJECT_PT_time(bpy.types.Panel):
+    """Panel: how a volume with several time steps follows the scene's frame, with the words of Blender's volume sequences."""
+
+    bl_label = "Time"
+    bl_space_type = "PROPERTIES"
+    bl_region_type = "WINDOW"
+    bl_context = "data"
+    bl_parent_id = "PUMICE_OBJECT_PT_volume"
+
+    @classmethod
+    def poll(cls, context):
+        return context.object is not None and is_volume(context.object) and time_settings.is_series(context.object)
+
+    def draw(self, context):
+        layout, of = self.layout, context.object.pumice_time
+        layout.use_property_split = True
+        for name in ("frame_duration", "frame_start", "frame_offset", "frame_step", "sequence_mode"):
+            layout.prop(of, name)
+        shown = time_settings.shown(context.object, time_settings.now(context.scene))
+        layout.label(text=f"Time step {shown} of 0 to {of.time_steps - 1}" if shown is not None else "Nothing is shown at this frame")
+
+
 class PUMICE_OBJECT_PT_cut(_OfScene, bpy.types.Panel):
     """Panel: whether an object cuts volumes, and whether it is a shadow catcher."""
 
@@ -291,6 +313,7 @@ CLASSES = (
     PUMICE_RENDER_PT_verify,
     PUMICE_VIEWLAYER_PT_passes,
     PUMICE_OBJECT_PT_volume,
+    PUMICE_OBJECT_PT_time,
     PUMICE_OBJECT_PT_cut,
     PUMICE_MATERIAL_PT_labels,
 )

@@ -274,7 +274,7 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     )
     dims: IntVectorProperty(name="Voxels", description="Voxels along x, y and z", size=3, default=(0, 0, 0))
     labels: IntProperty(name="Labels", description="Number of labels", default=0)
-    content_hash: StringProperty(name="Content", description="Hash of all voxels and ids", default="")
+    content_hash: StringProperty(name="Content", description="Hash of all voxels and ids; empty of a time series", default="")
     proxy_faces: IntProperty(
         name="Proxy Faces",
         description="Maximum number of faces of the mesh that stands for the volume in Solid mode, EEVEE and Cycles. More show finer shapes",

@@ -16,7 +16,7 @@ import hashlib
 
 import numpy as np
 
-from . import label_table, proxy_material, volume_place
+from . import label_table, proxy_material, time_settings, volume_place
 from .reports import Refused
 
 # Custom properties of the mesh: what its surface, and its colors and groups, were made of.
@@ -27,16 +27,25 @@ BOX_EDGES = [(corner, corner | bit) for corner in range(8) for bit in (1, 2, 4) 
 
 
 class Wanted:
-    """What the proxy of a volume object is to be made of, read from Blender at once; does not use Blender afterwards."""
+    """What the proxy of a volume object is to be made of, read from Blender at once; does not use Blender afterwards.
 
-    def __init__(self, obj):
+    `timed` is the object whose values say which time step is shown: the evaluated one, where they may be animated and Blender has not written
+    them to the object itself."""
+
+    def __init__(self, obj, timed=None, frame=None):
         settings, table = obj.pumice, obj.pumice.table
+        timed, frame = timed or obj, time_settings.now() if frame is None else frame
         self.most_faces = settings.proxy_faces
         self.visible = label_table.visible(table)
+        self.time_step = time_settings.nearest(timed, frame)
+        if self.time_step is not None and time_settings.shown(timed, frame) is None:
+            self.visible[:] = False
         slots = max(1, len(obj.material_slots))
         self.slots = np.minimum(label_table.slots(table), slots - 1)
         self.colors = label_table.colors(table)
-        self.shape_stamp = _stamp(self.visible, settings.content_hash, self.most_faces)
+        time = () if self.time_step is None else (self.time_step,)
+        self.still_stamp = _stamp(self.visible, settings.content_hash, self.most_faces)
+        self.shape_stamp = _stamp(self.visible, settings.content_hash, self.most_faces, *time)
         self.color_stamp = _stamp(self.slots, self.colors, self.shape_stamp)
 
     def has_shape(self, mesh):

@@ -6,12 +6,18 @@
                                                                  only colors or groups: written at once
     in background mode  at the import, by `pumice.update_proxy`, and before another engine renders: timers do not run there
 
+The proxy of a volume with several time steps is of the one that the scene's frame shows. While an animation plays, a surface that is being
+made is finished and written before the next is begun. In background mode each frame that another engine renders gets its own; in a window a
+render runs in a thread that may not write meshes.
+
 What is written this way is no undo step of its own: undo brings a table back, and its proxy follows.
 """
 
+import threading
+
 import bpy
 
-from . import file_paths, native, proxy, proxy_material, registry, volume_place
+from . import file_paths, native, proxy, proxy_material, registry, time_settings, volume_place
 from .background import InBackground, Work
 from .properties import is_volume
 from .reports import Refused, log
@@ -26,6 +32,8 @@ def refresh(obj, volume, object_from_index=None):
     """Makes the proxy of an object up to date, at once; `volume` is its open volume. `object_from_index` as for `proxy.write`, which is then
     done in any case."""
     wanted = proxy.Wanted(obj)
+    if volume.time_step != wanted.time_step:
+        volume = registry.wait_for(registry.request_shown(obj), lambda: False)
     if object_from_index is not None or not wanted.has_shape(obj.data):
         proxy.write(obj, wanted, wanted.surface(volume), object_from_index)
     elif not wanted.has_colors(obj.data):
@@ -43,8 +51,19 @@ def refresh_all():
     """Makes all proxies up to date, at once. A volume whose file is missing keeps the proxy that it has."""
     for obj in _volumes():
         try:
-            volume = registry.wait(file_paths.find(obj)[0], lambda: False)
-            refresh(obj, volume)
+            refresh(obj, registry.wait_for(registry.request_shown(obj), lambda: False))
+        except (Refused, native.ModuleMissing) as error:
+            log(error)
+
+
+def _follow_frame(scene, depsgraph):
+    """Makes the proxies of volumes with several time steps those of a frame that is being rendered, in background mode."""
+    for obj in filter(time_settings.is_series, _volumes()):
+        try:
+            wanted = proxy.Wanted(obj, obj.evaluated_get(depsgraph), time_settings.now(scene))
+            if not wanted.has_shape(obj.data):
+                volume = registry.wait(file_paths.find(obj)[0], lambda: False, wanted.time_step)
+                proxy.write(obj, wanted, wanted.surface(volume))
         except (Refused, native.ModuleMissing) as error:
             log(error)
 
@@ -116,7 +135,7 @@ def _tick():
 def _step(obj):
     mesh, wanted = obj.data, proxy.Wanted(obj)
     key = mesh.session_uid
-    if key in _making and _making[key][0].shape_stamp != wanted.shape_stamp:
+    if key in _making and (wanted.has_shape(mesh) or _making[key][0].still_stamp != wanted.still_stamp):
         _making.pop(key)[1].job.cancel()
     if wanted.has_shape(mesh):
         if not wanted.has_colors(mesh):
@@ -125,18 +144,21 @@ def _step(obj):
     elif key not in _making:
         _making[key] = (wanted, Work("Making a proxy", _call(obj, wanted)))
     elif not _making[key][1].thread.is_alive():
-        work = _making.pop(key)[1]
+        made, work = _making.pop(key)
         if work.error is not None:
             # Until something changes it is not tried again: a volume that is missing stays so.
             log(work.error)
             return
-        proxy.write(obj, wanted, work.result)
+        proxy.write(obj, made, work.result)
         follow_materials(obj)
+        if not wanted.has_shape(mesh):
+            # The frame has changed meanwhile.
+            _making[key] = (wanted, Work("Making a proxy", _call(obj, wanted)))
 
 
 def _call(obj, wanted):
     """What a thread does to make the surface that is wanted; Refused where the volume's file is missing."""
-    entry = registry.request(file_paths.find(obj)[0])
+    entry = registry.request(file_paths.find(obj)[0], wanted.time_step)
 
     def call(job):
         volume = registry.wait_for(entry, lambda: job.cancelled)
@@ -160,19 +182,42 @@ def _after_change(*_):
         bpy.app.timers.register(_tick, first_interval=SECONDS)
 
 
+# Whether another engine renders, in background mode.
+_renders_by_others = False
+
+
 @bpy.app.handlers.persistent
 def _before_render(scene, *_):
+    global _renders_by_others
     # In a window the timer has done it, and a render runs in a thread that may not write meshes.
     if bpy.app.background and scene.render.engine != "PUMICE":
+        _renders_by_others = True
         refresh_all()
+
+
+@bpy.app.handlers.persistent
+def _after_render(*_):
+    global _renders_by_others
+    _renders_by_others = False
+
+
+@bpy.app.handlers.persistent
+def _after_frame(scene, depsgraph):
+    if _renders_by_others:
+        _follow_frame(scene, depsgraph)
+    elif threading.current_thread() is threading.main_thread():
+        _after_change()
 
 
 HANDLERS = (
     ("depsgraph_update_post", _after_edit),
+    ("frame_change_post", _after_frame),
     ("load_post", _after_change),
     ("undo_post", _after_change),
     ("redo_post", _after_change),
     ("render_init", _before_render),
+    ("render_complete", _after_render),
+    ("render_cancel", _after_render),
 )
 
 

@@ -1,10 +1,13 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""The volumes that are open in this process, by file. Each is opened once, however many objects, viewports and renders show it.
+"""The volumes that are open in this process, by file and time step. Each is opened once, however many objects, viewports and renders show it.
 
 Opening takes from milliseconds to seconds, so a thread does it; a caller that needs the volume asks again (`request`) or waits (`wait`).
 A file that changed on disk counts as another one. A volume is closed, which frees its memory, once no object of the file shows it; undo that
 brings the object back opens it again. Threads only call the compiled module, never Blender.
+
+Time steps are opened when they are shown. Open are those that a viewport or a render shows (`hold`), and the `MOST_TIME_STEPS` that were used
+last before; others are closed, and the opening of one that nobody shows any more is cancelled.
 """
 
 import os
@@ -13,56 +16,83 @@ import time
 
 import bpy
 
-from . import file_paths, native
+from . import file_paths, native, time_settings
 from .reports import Refused, one_line
+
+# Time steps that stay open, most recently used first, beside those that are shown: to go back a frame opens nothing.
+MOST_TIME_STEPS = 2
 
 
 class Entry:
-    """A volume that is open, is being opened, or cannot be opened."""
+    """A volume that is open, is being opened, or cannot be opened; `time_step` is None where its file has no time."""
 
-    def __init__(self, path):
-        self.path = path
+    def __init__(self, path, time_step=None):
+        self.path, self.time_step = path, time_step
         self.volume = None
         self.error = None
         self.done = threading.Event()
         self.job = native.require().Job()
         threading.Thread(target=self._open, name="pumice open", daemon=True).start()
 
+    def file(self):
+        """(path, time step)."""
+        return self.path, self.time_step
+
     def _open(self):
         try:
-            self.volume = native.require().open(self.path, job=self.job)
+            if self.time_step is None:
+                self.volume = native.require().open(self.path, job=self.job)
+            else:
+                self.volume = native.require().open(self.path, time=self.time_step, job=self.job)
+                self.volume.content_hash  # viewports ask for it while Blender waits for them  # noqa: B018
         except BaseException as error:  # an exception cannot leave the thread: the caller reads it here
             self.error = one_line(error)
         finally:
             self.done.set()
 
 
+# By path, size, time of change, and time step; the entry that was asked for last comes last.
 _entries = {}
+# Keys of the time steps that a reader shows, by reader.
+_held = {}
+# A render reads in a thread of its own.
+_lock = threading.RLock()
 
 
-def request(path):
-    """The entry of a file; starts opening it if there is none yet. Raises Refused if the file is missing."""
-    key = _key(path)
-    entry = _entries.get(key)
-    if entry is None:
-        for other in [k for k in _entries if k[0] == key[0]]:
-            _entries.pop(other).job.cancel()
-        entry = _entries[key] = Entry(path)
+def request(path, time_step=None):
+    """The entry of a file, or of a time step of it; starts opening it if there is none yet. Raises Refused if the file is missing."""
+    key = _key(path, time_step)
+    with _lock:
+        entry = _entries.pop(key, None)
+        if entry is None:
+            for other in [k for k in _entries if k[0] == path and k[:3] != key[:3]]:
+                _entries.pop(other).job.cancel()
+            entry = Entry(path, time_step)
+            if time_step is not None:
+                _close_time_steps()
+        _entries[key] = entry
     return entry
+
+
+def request_shown(obj):
+    """As `request`, of what a volume object shows at the frame of the scene, or next to it where it shows nothing."""
+    return request(file_paths.find(obj)[0], time_settings.nearest(obj, time_settings.now()))
 
 
 def adopt(path, volume):
     """Registers a volume that is already open as that of a file."""
     entry = Entry.__new__(Entry)
     entry.path, entry.volume, entry.error = path, volume, None
+    entry.time_step = volume.time_step
     entry.job, entry.done = native.require().Job(), threading.Event()
     entry.done.set()
-    _entries[_key(path)] = entry
+    with _lock:
+        _entries[_key(path, entry.time_step)] = entry
 
 
-def wait(path, cancelled):
+def wait(path, cancelled, time_step=None):
     """Waits for the volume of a file; returns None once `cancelled()` returns true. Raises Refused."""
-    return wait_for(request(path), cancelled)
+    return wait_for(request(path, time_step), cancelled)
 
 
 def wait_for(entry, cancelled):
@@ -75,19 +105,54 @@ def wait_for(entry, cancelled):
     return entry.volume
 
 
+def wait_all(files, cancelled):
+    """As `wait`, for each (path, time step) of a list."""
+    reader = object()
+    hold(reader, files)
+    try:
+        return [wait(path, cancelled, time_step) for path, time_step in files]
+    finally:
+        hold(reader, ())
+
+
+def hold(reader, files):
+    """Notes the (path, time step) that a reader shows now, in place of those of before: these time steps stay open. `reader` is any value that
+    stands for it; with no files it shows nothing any more."""
+    with _lock:
+        before = _held.pop(reader, set())
+        keys = {(path, time_step) for path, time_step in files if time_step is not None}
+        if keys:
+            _held[reader] = keys
+        for key in [k for k in _entries if (k[0], k[3]) in before and not _is_held(k) and not _entries[k].done.is_set()]:
+            _entries.pop(key).job.cancel()
+        _close_time_steps()
+
+
 def forget_unused():
     """Closes volumes that no object of the file shows."""
     used = {file_paths.find(o)[0] for o in bpy.data.objects if o.pumice.filepath}
-    for key in [k for k in _entries if k[0] not in used]:
-        _entries.pop(key).job.cancel()
+    with _lock:
+        for key in [k for k in _entries if k[0] not in used]:
+            _entries.pop(key).job.cancel()
 
 
-def _key(path):
+def _close_time_steps():
+    """Closes the time steps that nobody shows, but for those that were used last."""
+    rest = [k for k, entry in _entries.items() if k[3] is not None and entry.done.is_set() and not _is_held(k)]
+    for key in rest[: max(0, len(rest) - MOST_TIME_STEPS)]:
+        del _entries[key]
+
+
+def _is_held(key):
+    return any((key[0], key[3]) in keys for keys in _held.values())
+
+
+def _key(path, time_step):
     try:
         status = os.stat(path)
     except OSError:
         raise Refused(f"{path}: the volume's file is missing; set its path in the object's Pumice panel") from None
-    return (path, status.st_size, status.st_mtime_ns)
+    return (path, status.st_size, status.st_mtime_ns, time_step)
 
 
 @bpy.app.handlers.persistent
@@ -130,3 +195,4 @@ def unregister():
     for entry in _entries.values():
         entry.done.wait(max(0.0, deadline - time.monotonic()))
     _entries.clear()
+    _held.clear()

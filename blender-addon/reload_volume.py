@@ -15,7 +15,7 @@ import os
 import bpy
 import numpy as np
 
-from . import cache, file_paths, label_carry, label_table, opening, proxy_update, registry, viewport, volume_object, volume_place
+from . import cache, file_paths, label_carry, label_table, opening, proxy_update, registry, time_settings, viewport, volume_object, volume_place
 from .background import InBackground, Work
 from .properties import is_volume
 from .reports import Refused
@@ -60,7 +60,8 @@ class PUMICE_OT_reload(InBackground, bpy.types.Operator):
         self._obj = obj.name
         choice = json.loads(obj.get("pumice_choice", "{}"))
         folder = bpy.utils.extension_path_user(__package__, path="volumes", create=False)
-        wanted = [opening.Wanted(source, choice, cache.candidates(source, choice, folder))]
+        played = [time_settings.playback(obj), time_settings.now(context.scene)] if time_settings.is_series(obj) else []
+        wanted = [opening.Wanted(source, choice, cache.candidates(source, choice, folder), *played)]
         return Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
 
     def finish(self, context, opened):
@@ -72,7 +73,7 @@ class PUMICE_OT_reload(InBackground, bpy.types.Operator):
         for line in one.warnings:
             self.report({"WARNING"}, line)
         registry.adopt(filepath, volume)
-        is_same = obj.pumice.content_hash == volume.content_hash and len(obj.pumice.table.vertices) == len(volume.labels.ids)
+        is_same = volume.time_steps is None and obj.pumice.content_hash == volume.content_hash and len(obj.pumice.table.vertices) == len(volume.labels.ids)
         users = [other for other in bpy.data.objects if other.data == obj.data]
         same, left_out = _relabel(obj, users, volume)
         applied, off_voxels = _applied(obj, volume)
@@ -81,6 +82,7 @@ class PUMICE_OT_reload(InBackground, bpy.types.Operator):
         for other in users:
             other.pumice.filepath = filepath
             volume_object.describe(other, volume)
+            time_settings.describe(other, volume)
             other.update_tag()
         proxy_update.refresh(obj, volume, applied)
         registry.forget_unused()

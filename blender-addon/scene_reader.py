@@ -10,7 +10,7 @@ import json
 import bpy
 import numpy as np
 
-from . import figure_follow
+from . import figure_follow, time_settings
 from .properties import is_volume
 from .reports import Refused
 from .sync import camera as camera_math
@@ -45,7 +45,7 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
     if scene.pumice_figure.use_backdrop:
         light = {**light, "backdrop": [list(scene.pumice_figure.backdrop)] * 2}
     placed, triangles, others, seen, dresses, cutting = {}, {}, [], set(), materials.Dresses(), []
-    lists = {"suns": [], "lights": []}
+    lists, frame = {"suns": [], "lights": []}, time_settings.now(scene)
     kept.geometries.begin(depsgraph)
     rendered = _in_renders(depsgraph.view_layer_eval) if as_rendered else None
     for instance in depsgraph.object_instances:
@@ -65,7 +65,7 @@ def read(depsgraph, camera, film, kept, *, space=None, as_rendered=False):
             if part is not None:
                 lists[part].append(value)
         elif is_volume(obj):
-            one, missing = instances.placed(obj, instance.matrix_world, kept.styles)
+            one, missing = instances.placed(obj, instance.matrix_world, kept.styles, frame)
             left_out += missing
             if one is not None:
                 placed[_key(instance)] = one

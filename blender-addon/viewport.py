@@ -18,7 +18,7 @@ import time
 
 import bpy
 
-from . import missing_boxes, native, overlay, picture_texture, preferences, registry, scene_reader
+from . import missing_boxes, native, overlay, picture_texture, preferences, registry, scene_reader, time_settings
 from .reports import Refused, log, one_line
 from .sync import camera as camera_math
 from .sync import edits, instances, lens, matrix
@@ -79,7 +79,10 @@ class Viewport:
         self.limits = None
         self.kept = scene_reader.Kept(styles=instances.Styles(follows_writes=True))
         self._reads_all_at = None  # when all of the label tables is read again
-        self.waiting = {}  # path → entry that is being opened
+        self.waiting = {}  # instance key → entry that is being opened
+        self._waited = {}  # the same before one of them was open
+        self.volumes = {}  # instance key → volume that the session shows
+        self.frame_read = None  # frame of the scene when it was read last
         self.notes = []
         self.camera_seen = None
         self._missing = []  # what is said of volumes that are not open
@@ -96,6 +99,7 @@ class Viewport:
     def sync(self, context, depsgraph):
         """Reads the scene and sends what differs."""
         scene, styles = depsgraph.scene, self.kept.styles
+        self.frame_read = time_settings.now(scene)
         styles.owes_reading, self._reads_all_at = False, None
         try:
             camera, film = view_of(context, depsgraph, self.engine)
@@ -104,6 +108,8 @@ class Viewport:
             )
             parts, volumes = self._opened(parts)
             self._send(parts, volumes, scene.pumice)
+            self.volumes = volumes
+            registry.hold(self.key, [*parts.sources(), *(entry.file() for entry in self.waiting.values())])
             notes = self._missing + left_out[:1]
         except Exception as error:  # a viewport that raises takes no further updates: say it in the line instead
             log(error)
@@ -118,6 +124,8 @@ class Viewport:
         """Draws the newest frame, after sending a camera that moved."""
         scene = depsgraph.scene
         status = None
+        if self.frame_read is not None and self.frame_read != time_settings.now(scene):
+            self.tag_update()
         try:
             self._follow_camera(context, depsgraph)
             self._fetch()
@@ -148,7 +156,7 @@ class Viewport:
             return None
         try:
             if any(entry.done.is_set() for entry in self.waiting.values()):
-                self.waiting = {}
+                self._waited, self.waiting = self.waiting, {}
                 self.engine.tag_update()
             if self._reads_all_at is not None and time.monotonic() >= self._reads_all_at:
                 self._reads_all_at = None
@@ -184,24 +192,37 @@ class Viewport:
         if bpy.app.timers.is_registered(self._tick):
             bpy.app.timers.unregister(self._tick)
         self._stop()
+        registry.hold(self.key, ())
 
     # Inside
 
     def _opened(self, parts):
         """The parts whose volumes are open, and these volumes; the others are requested, and noted in the line."""
         self._missing, self._undrawn, volumes, ready = [], [], {}, {}
+        waited = {**self._waited, **self.waiting}
+        self._waited, self.waiting = {}, {}
+        still = self.sent.sources() if self.sent is not None else []
+        registry.hold(self.key, [*parts.sources(), *still, *(entry.file() for entry in waited.values())])
         for key, placed in parts.placed.items():
+            former = waited.get(key) if _is_of_same_file(waited.get(key), placed) else None
             try:
-                entry = registry.request(placed.source)
+                # One time step at a time: an animation that plays faster than they open shows some of them, instead of none.
+                is_opening = former is not None and not former.done.is_set()
+                entry = former if is_opening else registry.request(*placed.file())
             except (Refused, native.ModuleMissing) as error:
                 self._missing.append(one_line(error))
                 self._undrawn.append(placed)
                 continue
-            if not entry.done.is_set():
-                self.waiting[placed.source] = entry
-                self._missing.append(f"opening {os.path.basename(placed.source)}")
-                self._undrawn.append(placed)
+            if not entry.done.is_set() or entry.time_step != placed.time_step:
+                self.waiting[key] = entry
+                of_time = "" if placed.time_step is None else f", time step {placed.time_step}"
+                self._missing.append(f"opening {os.path.basename(placed.source)}{of_time}")
                 self._wake()
+                before = self._shown_before(key, placed, former)
+                if before is None:
+                    self._undrawn.append(placed)
+                else:
+                    volumes[key], ready[key] = before
             elif entry.error:
                 self._missing.append(entry.error)
                 self._undrawn.append(placed)
@@ -215,6 +236,19 @@ class Viewport:
                 volumes[key], ready[key] = entry.volume, placed if placed.content == shown else dataclasses.replace(placed, content=shown)
                 self._missing += filter(None, [placed.differs(entry.volume)])
         return dataclasses.replace(parts, placed=ready), volumes
+
+    def _shown_before(self, key, placed, former):
+        """(volume, Placed) that stands for an instance until its time step is open, so that a playing animation does not flicker: the time step that
+        was opened last, in the new place and look; None where there is none. `former` is the entry that was waited for."""
+        if former is not None and former.done.is_set() and former.volume is not None:
+            volume, time_step = former.volume, former.time_step
+        else:
+            sent = self.sent.placed.get(key) if self.sent is not None else None
+            volume = self.volumes.get(key)
+            if volume is None or not _is_of_same_file(sent, placed):
+                return None
+            time_step = sent.time_step
+        return volume, dataclasses.replace(placed, time_step=time_step, content=volume.content_hash)
 
     def _send(self, parts, volumes, wishes):
         """Makes the session show `parts`: starts a new one if its limits differ or it failed, otherwise sends edits."""
@@ -324,6 +358,12 @@ class Viewport:
             self.session.stop()
         self.session, self.sent, self.frame, self.awaits_labels = None, None, None, False
         self.numbers, self.camera_seen = {}, None
+        self.volumes = {}
+
+
+def _is_of_same_file(one, placed):
+    """Whether an entry of the registry or a Placed is a time step of the file of which another Placed is one; `one` may be None."""
+    return one is not None and one.file()[0] == placed.source and None not in (one.time_step, placed.time_step)
 
 
 def view_of(context, depsgraph, engine):

@@ -59,7 +59,8 @@ def describe(obj, volume):
     """Notes what a volume's file says of it."""
     settings = obj.pumice
     settings.unit, settings.spacing, settings.dims = volume.unit, volume.spacing, volume.dims
-    settings.labels, settings.content_hash = len(volume.labels.ids), volume.content_hash
+    # Of a series no hash says what all time steps are.
+    settings.labels, settings.content_hash = len(volume.labels.ids), volume.content_hash if volume.time_steps is None else ""
     obj[FILE_FROM_INDEX] = [float(v) for v in np.ravel(volume.world_from_index)]
 
 

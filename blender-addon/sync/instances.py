@@ -8,7 +8,7 @@ labels, and its label table says to which of them each label belongs.
 
 import numpy as np
 
-from .. import file_paths, label_table, properties, table_writes, volume_place
+from .. import file_paths, label_table, properties, table_writes, time_settings, volume_place
 from . import materials, matrix
 from .label_style import Columns, LabelStyle, MadeGroups, with_rows
 from .parts import Placed
@@ -81,8 +81,11 @@ def left_out_of(obj):
     return lines if table is None else lines + _unused(obj, _groups(table, max(1, len(obj.material_slots))))
 
 
-def placed(obj, world_from_object, styles):
-    """(Placed or None, what was left out) of an evaluated volume object; `world_from_object` is its matrix, or an instance's."""
+def placed(obj, world_from_object, styles, frame):
+    """(Placed or None, what was left out) of an evaluated volume object at a frame; `world_from_object` is its matrix, or an instance's."""
+    time_step = time_settings.shown(obj, frame)
+    if time_step is None and time_settings.is_series(obj):
+        return None, []
     world_from_index, left_out = _place(obj, world_from_object)
     path, elsewhere = file_paths.find(obj.original)
     left_out += [elsewhere] if elsewhere else []
@@ -90,7 +93,8 @@ def placed(obj, world_from_object, styles):
         return None, left_out
     style, lines = styles.read(obj)
     volume = obj.original.pumice
-    return Placed(path, matrix.twelve(world_from_index), style, volume.content_hash, tuple(volume.dims)), left_out + lines
+    placed = Placed(path, matrix.twelve(world_from_index), style, volume.content_hash, tuple(volume.dims), time_step)
+    return placed, left_out + lines
 
 
 def _place(obj, world_from_object):

@@ -15,7 +15,8 @@ import numpy as np
 class Placed:
     """A volume in its place: `source` is a path, `style` a `LabelStyle`, `content` the hash of its voxels and ids.
 
-    `dims` are its voxels along x, y, z: a volume that is not open is drawn as a box.
+    `dims` are its voxels along x, y, z: a volume that is not open is drawn as a box. `time_step` is the one of the file that is shown, None where
+    the file has no time. All time steps have the labels of the table.
     """
 
     source: str
@@ -23,27 +24,39 @@ class Placed:
     style: object
     content: str = ""
     dims: tuple = (0, 0, 0)
+    time_step: int | None = None
 
     def instance(self, number):
         """The instance of the scene with this number, without its groups of labels."""
+        reading = {} if self.time_step is None else {"reading": {"time": self.time_step}}
         return {
             "id": number,
             "source": self.source,
+            **reading,
             "world_from_index": self.world_from_index,
             "style": self.style.fields(),
         }
 
+    def file(self):
+        """(path, time step) of the volume, as the registry opens it."""
+        return self.source, self.time_step
+
+    def _fits(self, volume):
+        """Whether the volume is one that the object's label table was made from."""
+        if self.time_step is not None:
+            return self.style.columns is None or np.array_equal(self.style.columns.ids, volume.labels.ids)
+        return self.content == volume.content_hash
 
     def differs(self, volume):
         """A line where the volume is not the one that the object's label table was made from; None where it is."""
-        if self.content in ("", volume.content_hash):
+        if self._fits(volume) or (self.time_step is None and self.content == ""):
             return None
         return f"{self.source}: the volume has changed since it was imported, so its label table may not fit; press Reload in its Pumice panel"
 
     def unfit(self, volume):
         """A line where only some labels are shown and the volume lacks one of these, which a renderer refuses; None where it can be drawn."""
         columns = self.style.columns
-        if columns is None or self.content == volume.content_hash or columns.visible.all():
+        if columns is None or self._fits(volume) or columns.visible.all():
             return None
         gone = np.setdiff1d(columns.ids[columns.visible], volume.labels.ids, assume_unique=True)
         if not len(gone):
@@ -143,5 +156,5 @@ class Parts:
         return [self.meshes[key].geometry for key in sorted(self.meshes, key=numbers.__getitem__)]
 
     def sources(self):
-        """The files of all instances, in the order of `scene()`."""
-        return [self.placed[key].source for key in sorted(self.placed)]
+        """(path, time step) of all instances, in the order of `scene()`."""
+        return [self.placed[key].file() for key in sorted(self.placed)]

@@ -45,7 +45,7 @@ def test_a_module_imports_only_from_lines_below_its_own():
 
 
 def test_what_knows_no_blender_imports_none():
-    for name in ("cache", "devices", "mesh_file", "overlay", "file_facts", "opening", "units", "sync/matrix", "sync/camera", "sync/parts", "sync/edits"):
+    for name in ("cache", "devices", "mesh_file", "overlay", "file_facts", "file_series", "opening", "time_steps", "units", "sync/matrix", "sync/camera", "sync/parts", "sync/edits"):
         text = (FOLDER / f"{name}.py").read_text()
         assert not re.search(r"^\s*(import|from) (bpy|gpu|mathutils)", text, re.MULTILINE), name
 

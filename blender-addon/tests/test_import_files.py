@@ -246,10 +246,12 @@ def dialog(blender, extension):
 
     class Dialog:
         layer = time = channel = scale = -1
-        dataset = label = roi = relabel = ""
+        dataset = label = roi = relabel = time_steps = ""
+        use_sequence, _counted = False, None
         array, axes, use_spacing, spacing, _browsing, asked = "", "file", False, (1.0, 1.0, 1.0), False, False
-        ask, paths, places, choice_of, _choice, _draw_facts, draw = (
-            vars(asks)[name] for name in ("ask", "paths", "places", "choice_of", "_choice", "_draw_facts", "draw")
+        ask, paths, places, choice_of, _choice, _draw_facts, draw, wanted, files_of_series, _siblings = (
+            vars(asks)[name]
+            for name in ("ask", "paths", "places", "choice_of", "_choice", "_draw_facts", "draw", "wanted", "files_of_series", "_siblings")
         )
         draw_options = operator.draw_options
 
@@ -270,7 +272,7 @@ def dialog(blender, extension):
         def asked_for(self):
             return {entry[1] for entry in self.drawn() if entry[0] in ("prop", "enum")} & {
                 "layer", "time", "channel", "axes", "layer_menu", "time_menu", "channel_menu", "array_menu",
-                "dataset_menu", "label_menu", "scale_menu",
+                "dataset_menu", "label_menu", "scale_menu", "time_steps", "use_sequence",
             }  # fmt: skip
 
     return Dialog

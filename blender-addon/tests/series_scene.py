@@ -1,0 +1,64 @@
+# SPDX-FileCopyrightText: The Pumice developers
+# SPDX-License-Identifier: GPL-3.0-or-later
+"""A small time series for tests: slabs that stand still, a ball that moves along x, and a label that is there at two time steps alone."""
+
+import struct
+
+import numpy as np
+import pumice
+
+from test_real_volumes import imported
+
+STEPS, DIMS, SIZE, SPP = 5, (40, 20, 16), (48, 24), 2
+SLABS, BALL, RARE = (1, 2, 3), 2**40, 777
+# Time steps at which RARE is there.
+SEEN = (2, 3)
+
+
+def dense(step):
+    """array[x, y, z] of ids at a time step."""
+    x, y, z = np.indices(DIMS)
+    ids = np.where(z < 4, 1 + x // 14, 0).astype(np.uint64)
+    ids[(x - 5 - 7 * step) ** 2 + (y - 10) ** 2 + (z - 10) ** 2 < 20] = BALL
+    if step in SEEN:
+        ids[2:8, 14:19, 5:14] = RARE
+    return ids
+
+
+def write(path, steps=STEPS, first=0):
+    """Writes the series as one compressed file."""
+    pumice.compress_series([dense(first + step) for step in range(steps)], path, spacing=(2.0, 2.0, 3.0), unit="um")
+    return path
+
+
+def write_nifti(path, arrays):
+    """Writes arrays[t][x, y, z] of 16 bits as one NIfTI file with time steps, or one array without."""
+    several = len(arrays) > 1
+    dims = [4 if several else 3, *arrays[0].shape, len(arrays), 1, 1, 1]
+    head = bytearray(352)
+    struct.pack_into("<i", head, 0, 348)
+    struct.pack_into("<8h", head, 40, *dims)
+    struct.pack_into("<2h", head, 70, 512, 16)
+    struct.pack_into("<8f", head, 76, 1.0, 2.0, 2.0, 3.0, 1.0, 1.0, 1.0, 1.0)
+    struct.pack_into("<2f", head, 108, 352.0, 1.0)
+    head[123] = 3  # µm
+    struct.pack_into("<h", head, 254, 1)
+    struct.pack_into("<12f", head, 280, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0)
+    head[344:348] = b"n+1\0"
+    path.write_bytes(bytes(head) + b"".join(one.astype("<u2").tobytes(order="F") for one in arrays))
+    return path
+
+
+def made(bpy, path, **options):
+    """The series as a volume, in a scene that F12 renders in a moment; scene frame 1 shows time step 0."""
+    obj = imported(bpy, path, time_steps="all", **options)
+    scene = bpy.context.scene
+    render = scene.render
+    render.resolution_x, render.resolution_y, render.resolution_percentage = *SIZE, 100
+    scene.pumice.samples, scene.pumice.bounces, scene.pumice.seed, scene.pumice.backend = SPP, 2, 7, "CPU"
+    if bpy.app.version >= (5, 0, 0):
+        render.image_settings.media_type = "MULTI_LAYER_IMAGE"
+    render.image_settings.file_format = "OPEN_EXR_MULTILAYER"
+    render.image_settings.color_depth, render.image_settings.exr_codec = "32", "NONE"
+    bpy.context.view_layer.pumice.use_pass_label = True
+    return obj
