@@ -248,7 +248,8 @@ class Viewport:
             if volume is None or not _is_of_same_file(sent, placed):
                 return None
             time_step = sent.time_step
-        return volume, dataclasses.replace(placed, time_step=time_step, content=volume.content_hash)
+        before = dataclasses.replace(placed, time_step=time_step, content=volume.content_hash)
+        return (volume, before) if before.unfit(volume) is None else None
 
     def _send(self, parts, volumes, wishes):
         """Makes the session show `parts`: starts a new one if its limits differ or it failed, otherwise sends edits."""

@@ -93,6 +93,20 @@ def test_files_with_a_number_in_their_names_become_one_volume(blender, tmp_path,
     assert "t_11.nii" in refused(tmp_path / "t_8.nii", use_sequence=True)
 
 
+def test_a_cancelled_import_leaves_nothing(blender, extension, tmp_path):
+    load = lambda name: importlib.import_module(f"{extension.__name__}.{name}")  # noqa: E731
+    path, job = str(write_nifti(tmp_path / "cells.nii", ARRAYS)), pumice.Job()
+    choice = {"time_steps": "all"}
+    wanted = [load("opening").Wanted(path, choice, load("cache").candidates(path, choice, str(tmp_path / "user")))]
+    job.cancel()
+    with pytest.raises(pumice.Cancelled):
+        load("opening").open_all(wanted, job, lambda stage: None)
+    assert [p.name for p in tmp_path.rglob("*")] == ["cells.nii"]
+    # Control: what is not cancelled is there.
+    (opened,) = load("opening").open_all(wanted, pumice.Job(), lambda stage: None)
+    assert (opened.volume.time_step, opened.volume.time_steps) == (0, STEPS) and len(list(tmp_path.glob("*.pumice"))) == 1
+
+
 def test_a_compressed_series_is_opened_as_it_is(blender, tmp_path):
     path = write(tmp_path / "cells.pumice")
     assert "the file has 5 time steps; choose one with time (0 to 4), or all" in refused(path)

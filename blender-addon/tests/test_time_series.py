@@ -280,6 +280,16 @@ def test_exports_and_exact_meshes_are_of_the_time_step_that_is_shown(series, ext
     assert bpy.ops.pumice.export_scene(filepath=str(tmp_path / "scene.json")) == {"FINISHED"}
     said = json.loads((tmp_path / "scene.json").read_text())
     assert said["instances"][0]["reading"] == {"time": 3}
+    # Exports read the file by themselves.
+    written = {}
+    for frame in (4, 1, 9):
+        bpy.context.scene.frame_set(frame)
+        assert bpy.ops.pumice.export_gltf(filepath=str(tmp_path / "cells.glb")) == {"FINISHED"}
+        written[frame] = (tmp_path / "cells.glb").read_bytes()
+    assert len(set(written.values())) == 3
+    series.pumice_time.frame_offset, series.pumice_time.frame_duration = 3, 1
+    assert bpy.ops.pumice.export_gltf(filepath=str(tmp_path / "cells.glb")) == {"FINISHED"}
+    assert (tmp_path / "cells.glb").read_bytes() == written[4]
     assert bpy.ops.pumice.make_exact_mesh() == {"FINISHED"}
     exact = next(o for o in bpy.data.objects if o.name.endswith("exact"))
     assert ball(exact.data, extension, series) == bounds(3) != bounds(0)
