@@ -560,6 +560,12 @@ def compress_part(source: str | PathLike[str] | Incomplete, out: str | PathLike[
     `fingerprint` tell blocks from those of other sources; a file says that itself.
     """
 
+def compress_series(frames: SupportsGetItem[int, str | PathLike[str]] | SupportsGetItem[int, Incomplete], out: str | PathLike[str], *, time_steps: str | None = None, level: str = "default", given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[str, list[str]]:
+    """
+    Compresses a time series into one file; returns what was written as JSON text, and the warnings of the reader with what of the table does not
+    fit.
+    """
+
 def count_faces(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, limit: SupportsIndex, job: Job | None = None) -> int:
     """
     Number of faces of the surface of the labels that are `visible`, by row of the table; an error where there are more than `limit`.
