@@ -46,7 +46,8 @@ class Entry:
                 self.volume = native.require().open(self.path, time=self.time_step, job=self.job)
                 self.volume.content_hash  # viewports ask for it while Blender waits for them  # noqa: B018
         except BaseException as error:  # an exception cannot leave the thread: the caller reads it here
-            self.error = one_line(error)
+            # The reader names an option of the command.
+            self.error = one_line(error).replace("--time-step", "time step")
         finally:
             self.done.set()
 
