@@ -194,14 +194,14 @@ def test_what_tells_no_place_is_not_drawn_and_said(blender, load):
     obj = create(load)
     obj.scale.z = 0.0
     bpy.context.view_layer.update()
-    placed, lines = load("sync.instances").placed(obj, obj.matrix_world, load("sync.instances").Styles())
+    placed, lines = load("sync.instances").placed(obj, obj.matrix_world, load("sync.instances").Styles(), 1.0)
     assert placed is None and any("scaled to nothing" in line for line in lines)
     bpy.ops.object.transform_apply()
     bpy.context.view_layer.update()
-    placed, lines = load("sync.instances").placed(obj, obj.matrix_world, load("sync.instances").Styles())
+    placed, lines = load("sync.instances").placed(obj, obj.matrix_world, load("sync.instances").Styles(), 1.0)
     assert placed is None and any("scaled to nothing" in line for line in lines) and not any("moved" in line for line in lines)
     delete_vertices(obj, lambda index: index > 2)
-    placed, lines = load("sync.instances").placed(obj, obj.matrix_world, load("sync.instances").Styles())
+    placed, lines = load("sync.instances").placed(obj, obj.matrix_world, load("sync.instances").Styles(), 1.0)
     assert placed is None and any("lost the vertices" in line for line in lines)
 
 

@@ -447,7 +447,7 @@ def hand_over():
     texture = sys.modules[EXTENSION].picture_texture
     view = shown()
     scene = pumice.Scene.from_dict(dict(view.sent.scene(view.numbers), film=dict(view.sent.film, width=1920, height=1080)))
-    volumes = [sys.modules[EXTENSION].registry.request(p.source).volume for p in view.sent.placed.values()]
+    volumes = [sys.modules[EXTENSION].registry.request(*p.file()).volume for p in view.sent.placed.values()]
     session = pumice.Session(scene, volumes, meshes=view.sent.geometries(view.numbers), spp=1)
     frame = None
     end = time.monotonic() + PATIENCE_SECONDS
