@@ -7,6 +7,7 @@ import subprocess
 from pathlib import Path
 
 import pumice as module
+import pumice.dask  # noqa: F401: a module of its own, which is an attribute of `pumice` once it is imported
 import pytest
 
 ROOT = Path(__file__).resolve().parents[2]
