@@ -33,7 +33,7 @@ class Work:
         except BaseException as error:  # an exception cannot leave the thread: the operator reads it here
             self.error = error
         finally:
-            # It may refer to this object, and such a circle keeps the result, with its volumes, until Python looks for circles.
+            # It may refer to this object, and a reference cycle keeps the result, with its volumes, until the garbage collector runs.
             self.call = None
 
 
