@@ -222,7 +222,8 @@ fn frame(
 
 impl Row for BackendSpeed {
     fn cells(&self) -> Vec<(&'static str, String)> {
-        let rate = |r: f64| format!("{r:.3}");
+        // A difference of two times that is not positive is noise.
+        let rate = |r: f64| if r > 0.0 { format!("{r:.3}") } else { "–".into() };
         let frame = |[one, many]: [Took; 2]| {
             format!(
                 "{:.4} / {:.4} ({:.4} / {:.4})",

@@ -11,6 +11,7 @@
 
 use std::collections::HashMap;
 use std::hash::{BuildHasher, Hash};
+use std::ops::Range;
 use std::path::Path;
 
 use bytemuck::Zeroable;
@@ -168,11 +169,53 @@ pub fn sort_by_key<T, K: Ord>(list: &mut [T], key: impl Fn(&T) -> K, what: &str)
     }
     let mut order = collected(list.len(), list.iter().map(&key).zip(0usize..), what)?;
     order.sort_unstable();
+    permute(list, |to| std::mem::replace(&mut order[to].1, to));
+    Ok(())
+}
+
+/// Sorts by a group, a number below `group_count`, and gives each group's places in the sorted list; elements of a group keep their order.
+/// It counts where [`sort_by_key`] compares: sooner, and with a quarter of the memory, where there are far fewer groups than elements.
+///
+/// # Errors
+/// As [`reserved`], for four bytes an element; the list stays as it is.
+///
+/// # Panics
+/// If the list has 2³² elements or more, or an element's group is `group_count` or more.
+pub fn sort_by_group<T>(
+    list: &mut [T],
+    group_count: usize,
+    group: impl Fn(&T) -> usize,
+    what: &str,
+) -> Result<Vec<Range<u32>>, NoMemory> {
+    assert!(list.len() <= u32::MAX as usize, "fewer than 2³² elements");
+    let mut next: Vec<u32> = zeroed(group_count, what)?;
+    list.iter().for_each(|element| next[group(element)] += 1);
+    let mut groups = reserved(group_count, what)?;
+    let mut start = 0;
+    for count in &mut next {
+        groups.push(start..start + *count);
+        start += std::mem::replace(count, start);
+    }
+    if list.is_sorted_by_key(&group) {
+        return Ok(groups);
+    }
+    let mut order: Vec<u32> = zeroed(list.len(), what)?;
+    for (element, from) in list.iter().zip(0u32..) {
+        let to = &mut next[group(element)];
+        order[*to as usize] = from;
+        *to += 1;
+    }
+    permute(list, |to| std::mem::replace(&mut order[to], to as u32) as usize);
+    Ok(groups)
+}
+
+/// Moves each element to its place. `take(to)` gives the place whose element belongs to the place `to`, and `to` when it is asked again.
+fn permute<T>(list: &mut [T], mut take: impl FnMut(usize) -> usize) {
     // Each cycle of the permutation is followed once; a place that has its element refers to itself.
     for start in 0..list.len() {
         let mut to = start;
         loop {
-            let from = std::mem::replace(&mut order[to].1, to);
+            let from = take(to);
             if from == start {
                 break;
             }
@@ -180,7 +223,6 @@ pub fn sort_by_key<T, K: Ord>(list: &mut [T], key: impl Fn(&T) -> K, what: &str)
             to = from;
         }
     }
-    Ok(())
 }
 
 /// A number of bytes for people: `812 B`, `6.3 MB`, `54.1 GB`, in powers of 1000.
@@ -259,6 +301,34 @@ mod tests {
                 expected.sort_by_key(|&(key, _)| key);
                 sort_by_key(&mut list, |&(key, _)| key, "a list").unwrap();
                 assert_eq!(list, expected, "{length} elements with {keys} keys");
+            }
+        }
+    }
+
+    #[test]
+    fn a_list_sorted_by_group_keeps_the_order_within_a_group() {
+        let mut random = 1u64;
+        for length in [0, 1, 2, 3, 10, 1000] {
+            for group_count in [1, 2, 7, 3000] {
+                let mut list: Vec<(usize, usize)> = (0..length)
+                    .map(|place| {
+                        random =
+                            random.wrapping_mul(0x5851_f42d_4c95_7f2d).wrapping_add(0x1405_7b7e_f767_814f);
+                        ((random >> 20) as usize % group_count, place)
+                    })
+                    .collect();
+                let mut expected = list.clone();
+                expected.sort_by_key(|&(group, _)| group);
+                let groups = sort_by_group(&mut list, group_count, |&(group, _)| group, "a list").unwrap();
+                assert_eq!(list, expected, "{length} elements of {group_count} groups");
+                assert_eq!(groups.len(), group_count);
+                let mut start = 0;
+                for (group, places) in groups.into_iter().enumerate() {
+                    assert_eq!(places.start, start);
+                    start = places.end;
+                    assert!(list[places.start as usize..places.end as usize].iter().all(|e| e.0 == group));
+                }
+                assert_eq!(start as usize, length);
             }
         }
     }

@@ -128,9 +128,11 @@ fn reason(card: &Card, backend: Backend, chosen: bool) -> String {
 /// What is known of a backend on a graphics processor of this make. (`docs/vulkan.md` has the measurements.)
 fn experience(card: &Card, backend: Backend) -> &'static str {
     match backend {
-        Backend::RayPipeline if card.name.contains("NVIDIA") => "its developers ran it on an NVIDIA H100",
+        Backend::RayPipeline if card.name.contains("NVIDIA") => {
+            "its developers ran it on an NVIDIA H100 and H200"
+        }
         Backend::Compute if card.name.contains("NVIDIA") => {
-            "on an NVIDIA H100 it drew small pictures and hung on one of 1920 × 1080"
+            "on an NVIDIA H200 it hung where levels of detail follow the distance"
         }
         _ => UNPROVED,
     }
@@ -230,7 +232,7 @@ mod tests {
             }
         }
         let tried = listed(Ok(vec![card("NVIDIA H100", DeviceKind::Discrete, ["", "VK_KHR_ray_query", ""])]));
-        let said = ["ran it on an NVIDIA H100", "lacks VK_KHR_ray_query", "hung on one"];
+        let said = ["ran it on an NVIDIA H100", "lacks VK_KHR_ray_query", "it hung where"];
         assert!(tried.iter().zip(said).all(|(d, said)| d.reason.contains(said)), "{tried:?}");
     }
 

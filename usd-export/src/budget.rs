@@ -1,4 +1,5 @@
-//! A limit on the bytes of a file, kept while its faces are found: so that nothing is written, and little memory used, where it is too large.
+//! Limits of a file: on its bytes, kept while its faces are found, so that nothing is written and little memory used where it is too large;
+//! and on counts of 32 bits.
 
 use pumice_core::Error;
 
@@ -103,6 +104,15 @@ impl Budget {
     }
 }
 
+/// Checks a count that a format or a list stores in 32 bits.
+///
+/// # Errors
+/// [`Error::Limit`].
+pub(crate) fn fits_32_bits(what: &str, count: u64) -> Result<u32> {
+    let limit = u64::from(u32::MAX);
+    u32::try_from(count).map_err(|_| Error::Limit { what: what.into(), limit, got: count }.into())
+}
+
 #[cfg(test)]
 mod tests {
     use super::*;
@@ -122,5 +132,12 @@ mod tests {
             "bytes of the file for 26 boxes and the first 8 faces, estimated: 1024 is more than the limit of 1000"
         );
         assert!(budget.take_faces(u64::MAX / 2).is_err(), "products beyond 64 bits are beyond any limit");
+    }
+
+    #[test]
+    fn counts_beyond_32_bits_are_refused() {
+        assert_eq!(fits_32_bits("vertices", u64::from(u32::MAX)).unwrap(), u32::MAX);
+        let error = fits_32_bits("vertices of a PLY file", 1 << 32).unwrap_err().to_string();
+        assert_eq!(error, "vertices of a PLY file: 4294967296 is more than the limit of 4294967295");
     }
 }

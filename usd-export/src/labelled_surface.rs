@@ -3,11 +3,11 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use pumice_core::reserve::{make_room, sort_by_key};
+use pumice_core::reserve::{make_room, sort_by_group};
 use pumice_core::{Error, Job};
 use pumice_transport::geometry::DetailLevel;
 
-use crate::budget::Budget;
+use crate::budget::{Budget, fits_32_bits};
 use crate::cut_surface::cut_blocks;
 use crate::drawn::Drawn;
 use crate::surface::Surface;
@@ -134,19 +134,10 @@ impl LabelledSurface {
 
 impl<T: Face> ByMaterial<T> {
     fn new(mut faces: Vec<T>, drawn: &Drawn<'_>) -> Result<Self> {
+        fits_32_bits(FACES, faces.len() as u64)?;
         let material = |face: &T| drawn.material_of[face.label() as usize] as usize;
-        let mut counts = vec![0u32; drawn.materials.len()];
-        faces.iter().for_each(|face| counts[material(face)] += 1);
-        let mut start = 0;
-        let of_material = counts
-            .iter()
-            .map(|count| {
-                let range = start..start + count;
-                start = range.end;
-                range
-            })
-            .collect();
-        sort_by_key(&mut faces, material, FACES).map_err(Error::from)?;
+        let of_material =
+            sort_by_group(&mut faces, drawn.materials.len(), material, FACES).map_err(Error::from)?;
         Ok(Self { faces, of_material })
     }
 }

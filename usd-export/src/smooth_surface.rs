@@ -2,9 +2,10 @@
 
 use std::ops::Range;
 
-use pumice_core::reserve::sort_by_key;
+use pumice_core::reserve::sort_by_group;
 use pumice_core::{Error, Job};
 
+use crate::budget::fits_32_bits;
 use crate::drawn::Drawn;
 use crate::labelled_surface::FACES;
 use crate::{Budget, Result, SmoothMesh};
@@ -25,15 +26,11 @@ impl SmoothSurface {
         let take = |faces| budget.take_smooth_faces(faces);
         let mut mesh = SmoothMesh::new(drawn.volume, &drawn.visible, drawn.region, job, take)?;
         let vertices = &mesh.vertices;
-        let material = |quad: &[u32; 4]| drawn.material_of[vertices[quad[0] as usize].label as usize];
-        sort_by_key(&mut mesh.quads, material, FACES).map_err(Error::from)?;
-        let mut of_material = vec![0..0; drawn.materials.len()];
-        let mut start = 0;
-        for group in mesh.quads.chunk_by(|a, b| material(a) == material(b)) {
-            let end = start + group.len() as u32;
-            of_material[material(&group[0]) as usize] = start..end;
-            start = end;
-        }
+        let material =
+            |quad: &[u32; 4]| drawn.material_of[vertices[quad[0] as usize].label as usize] as usize;
+        fits_32_bits(FACES, mesh.quads.len() as u64)?;
+        let of_material =
+            sort_by_group(&mut mesh.quads, drawn.materials.len(), material, FACES).map_err(Error::from)?;
         Ok(Self { mesh, of_material })
     }
 

@@ -93,15 +93,6 @@ fn put_corners_in_world(face: &dyn Face, world_from_index: &DAffine3, corners: &
     }
 }
 
-/// Checks a count that a format stores in 32 bits.
-///
-/// # Errors
-/// [`Error::Limit`].
-fn fits_32_bits(what: &str, count: u64) -> Result<u32> {
-    let limit = u64::from(u32::MAX);
-    u32::try_from(count).map_err(|_| Error::Limit { what: what.into(), limit, got: count }.into())
-}
-
 #[cfg(test)]
 mod tests {
     use glam::DMat3;
@@ -122,12 +113,5 @@ mod tests {
                 rectangle.corners().map(|p| matrix.transform_point3(DVec3::from_array(p.map(f64::from))));
             assert_eq!((b - a).cross(c - b).normalize(), DVec3::Z * x);
         }
-    }
-
-    #[test]
-    fn counts_beyond_32_bits_are_refused() {
-        assert_eq!(fits_32_bits("vertices", u64::from(u32::MAX)).unwrap(), u32::MAX);
-        let error = fits_32_bits("vertices of a PLY file", 1 << 32).unwrap_err().to_string();
-        assert_eq!(error, "vertices of a PLY file: 4294967296 is more than the limit of 4294967295");
     }
 }

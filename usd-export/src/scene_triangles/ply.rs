@@ -14,8 +14,9 @@ use std::io::Write;
 use pumice_core::Error;
 use serde_json::json;
 
-use super::{Surfaces, fits_32_bits, put_corners_in_world};
+use super::{Surfaces, put_corners_in_world};
 use crate::Result;
+use crate::budget::fits_32_bits;
 use crate::drawn::Drawn;
 
 /// Bytes that are produced at a time, but for the last face.

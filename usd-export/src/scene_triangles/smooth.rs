@@ -16,10 +16,11 @@ use pumice_core::reserve::{collected, sort_by_key};
 use pumice_core::{Error, Job};
 use pumice_transport::LoadedScene;
 
+use super::check_range;
 use super::obj::{group_name, material_name, write_material};
 use super::ply::{srgb, write_labels_of};
 use super::stl::{put_triangle, write_header};
-use super::{check_range, fits_32_bits};
+use crate::budget::fits_32_bits;
 use crate::drawn::Drawn;
 use crate::labelled_surface::FACES;
 use crate::smooth_mesh::NOT_EXACT;

@@ -10,8 +10,9 @@ use std::io::Write;
 
 use glam::DVec3;
 
-use super::{Surfaces, fits_32_bits, put_corners_in_world};
+use super::{Surfaces, put_corners_in_world};
 use crate::Result;
+use crate::budget::fits_32_bits;
 
 /// Bytes that are produced at a time, but for the last face.
 const PIECE: usize = 1 << 17;

@@ -228,7 +228,9 @@ fn surfaces_scatter_alike() {
                 };
                 let bend = bend_error(1.0, eta).max(2f32.powi(-20) / s.wo.z.abs().max(1e-6));
                 let turned = if through { error * (1.0 + 1.0 / eta) + bend } else { error };
-                assert!((got - s.wo).length() < turned.max(2f32.powi(-20)), "{}: {got} {}", what(), s.wo);
+                // Two vectors are normalised on the way, by divisions that a device may get wrong by 2.5 units in the last place each, and
+                // reflecting doubles that: 10·2⁻²³, beside what lavapipe rounds. (A card was off by 1.24·10⁻⁶.)
+                assert!((got - s.wo).length() < turned.max(2f32.powi(-19)), "{}: {got} {}", what(), s.wo);
                 // What that does to a cosine near the horizon and to the lobe. Compared only where it is small.
                 let cos = if through {
                     ((eta * s.wo + *wi).normalize()).dot(*wi)
