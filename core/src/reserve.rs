@@ -188,26 +188,55 @@ pub fn sort_by_group<T>(
     what: &str,
 ) -> Result<Vec<Range<u32>>, NoMemory> {
     assert!(list.len() <= u32::MAX as usize, "fewer than 2³² elements");
-    let mut next: Vec<u32> = zeroed(group_count, what)?;
-    list.iter().for_each(|element| next[group(element)] += 1);
-    let mut groups = reserved(group_count, what)?;
-    let mut start = 0;
-    for count in &mut next {
-        groups.push(start..start + *count);
-        start += std::mem::replace(count, start);
-    }
-    if list.is_sorted_by_key(&group) {
-        return Ok(groups);
-    }
-    let mut order: Vec<u32> = zeroed(list.len(), what)?;
-    for (element, from) in list.iter().zip(0u32..) {
-        let to = &mut next[group(element)];
-        order[*to as usize] = from;
-        *to += 1;
-    }
+    let places = collected(list.len(), 0..list.len() as u32, what)?;
+    let (mut order, groups) =
+        sorted_by_group(places, group_count, |&place| group(&list[place as usize]), what)?;
     permute(list, |to| std::mem::replace(&mut order[to], to as u32) as usize);
     Ok(groups)
 }
+
+/// As [`sort_by_group`], for elements that can be copied. It returns a second list, and gives the memory of the first back as it fills the
+/// second, where the system takes back the end of an allocation: then both need little more than one.
+///
+/// # Errors
+/// As [`reserved`], for another list of that length.
+///
+/// # Panics
+/// As [`sort_by_group`].
+pub fn sorted_by_group<T: Copy + Zeroable>(
+    mut list: Vec<T>,
+    group_count: usize,
+    group: impl Fn(&T) -> usize,
+    what: &str,
+) -> Result<(Vec<T>, Vec<Range<u32>>), NoMemory> {
+    assert!(list.len() <= u32::MAX as usize, "fewer than 2³² elements");
+    let mut ends: Vec<u32> = zeroed(group_count, what)?;
+    list.iter().for_each(|element| ends[group(element)] += 1);
+    let mut groups = reserved(group_count, what)?;
+    let mut start = 0;
+    for end in &mut ends {
+        groups.push(start..start + *end);
+        start += *end;
+        *end = start;
+    }
+    if list.is_sorted_by_key(&group) {
+        return Ok((list, groups));
+    }
+    let mut sorted: Vec<T> = zeroed(list.len(), what)?;
+    // From the end, so that what was copied can be given back.
+    while let Some(first) = list.len().checked_sub(1).map(|last| last / GIVEN_BACK * GIVEN_BACK) {
+        for element in list.drain(first..).rev() {
+            let end = &mut ends[group(&element)];
+            *end -= 1;
+            sorted[*end as usize] = element;
+        }
+        list.shrink_to_fit();
+    }
+    Ok((sorted, groups))
+}
+
+/// Elements whose memory [`sorted_by_group`] gives back at a time: often enough to matter, and seldom enough to cost nothing.
+const GIVEN_BACK: usize = 1 << 18;
 
 /// Moves each element to its place. `take(to)` gives the place whose element belongs to the place `to`, and `to` when it is asked again.
 fn permute<T>(list: &mut [T], mut take: impl FnMut(usize) -> usize) {
@@ -308,7 +337,7 @@ mod tests {
     #[test]
     fn a_list_sorted_by_group_keeps_the_order_within_a_group() {
         let mut random = 1u64;
-        for length in [0, 1, 2, 3, 10, 1000] {
+        for length in [0, 1, 2, 3, 10, 1000, GIVEN_BACK, 2 * GIVEN_BACK + 5] {
             for group_count in [1, 2, 7, 3000] {
                 let mut list: Vec<(usize, usize)> = (0..length)
                     .map(|place| {
@@ -319,8 +348,11 @@ mod tests {
                     .collect();
                 let mut expected = list.clone();
                 expected.sort_by_key(|&(group, _)| group);
-                let groups = sort_by_group(&mut list, group_count, |&(group, _)| group, "a list").unwrap();
-                assert_eq!(list, expected, "{length} elements of {group_count} groups");
+                let (copied, groups) =
+                    sorted_by_group(list.clone(), group_count, |&(group, _)| group, "a list").unwrap();
+                assert!(copied == expected, "{length} elements of {group_count} groups");
+                let same = sort_by_group(&mut list, group_count, |&(group, _)| group, "a list").unwrap();
+                assert!(list == expected && same == groups, "{length} elements of {group_count} groups");
                 assert_eq!(groups.len(), group_count);
                 let mut start = 0;
                 for (group, places) in groups.into_iter().enumerate() {

@@ -3,7 +3,7 @@
 use std::ops::Range;
 
 use glam::DVec3;
-use pumice_core::reserve::{make_room, sort_by_group};
+use pumice_core::reserve::{make_room, sort_by_group, sorted_by_group};
 use pumice_core::{Error, Job};
 use pumice_transport::geometry::DetailLevel;
 
@@ -94,8 +94,8 @@ impl LabelledSurface {
             Ok(())
         })?;
         Ok(Self {
-            rectangles: ByMaterial::new(rectangles, drawn)?,
-            polygons: ByMaterial::new(polygons, drawn)?,
+            rectangles: ByMaterial::of_rectangles(rectangles, drawn)?,
+            polygons: ByMaterial::of_polygons(polygons, drawn)?,
         })
     }
 
@@ -132,10 +132,20 @@ impl LabelledSurface {
     }
 }
 
-impl<T: Face> ByMaterial<T> {
-    fn new(mut faces: Vec<T>, drawn: &Drawn<'_>) -> Result<Self> {
+impl ByMaterial<Rectangle> {
+    fn of_rectangles(faces: Vec<Rectangle>, drawn: &Drawn<'_>) -> Result<Self> {
         fits_32_bits(FACES, faces.len() as u64)?;
-        let material = |face: &T| drawn.material_of[face.label() as usize] as usize;
+        let material = |face: &Rectangle| drawn.material_of[face.label as usize] as usize;
+        let (faces, of_material) =
+            sorted_by_group(faces, drawn.materials.len(), material, FACES).map_err(Error::from)?;
+        Ok(Self { faces, of_material })
+    }
+}
+
+impl ByMaterial<CutPolygon> {
+    fn of_polygons(mut faces: Vec<CutPolygon>, drawn: &Drawn<'_>) -> Result<Self> {
+        fits_32_bits(FACES, faces.len() as u64)?;
+        let material = |face: &CutPolygon| drawn.material_of[face.label as usize] as usize;
         let of_material =
             sort_by_group(&mut faces, drawn.materials.len(), material, FACES).map_err(Error::from)?;
         Ok(Self { faces, of_material })

@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 
-use pumice_core::reserve::sort_by_group;
+use pumice_core::reserve::sorted_by_group;
 use pumice_core::{Error, Job};
 
 use crate::budget::fits_32_bits;
@@ -29,8 +29,10 @@ impl SmoothSurface {
         let material =
             |quad: &[u32; 4]| drawn.material_of[vertices[quad[0] as usize].label as usize] as usize;
         fits_32_bits(FACES, mesh.quads.len() as u64)?;
-        let of_material =
-            sort_by_group(&mut mesh.quads, drawn.materials.len(), material, FACES).map_err(Error::from)?;
+        let quads = std::mem::take(&mut mesh.quads);
+        let (quads, of_material) =
+            sorted_by_group(quads, drawn.materials.len(), material, FACES).map_err(Error::from)?;
+        mesh.quads = quads;
         Ok(Self { mesh, of_material })
     }
 

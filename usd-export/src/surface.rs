@@ -16,6 +16,7 @@
 //! [`Interfaces::All`] asks for them. Elements end where the volume ends. A surface may be limited to a [`VoxelRegion`]: blocks outside of it
 //! are not visited.
 
+use bytemuck::Zeroable;
 use pumice_core::{BoxView, CompressedVolume, Error, Job, grid::BRICK_VOXELS, morton};
 use pumice_transport::geometry::DetailLevel;
 use rayon::prelude::*;
@@ -41,7 +42,7 @@ pub enum Merging {
 }
 
 /// A rectangle of a surface.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash)]
+#[derive(Clone, Copy, Debug, PartialEq, Eq, PartialOrd, Ord, Hash, Zeroable)]
 pub struct Rectangle {
     /// Its lowest corner in index space.
     pub low: [u32; 3],
@@ -56,18 +57,25 @@ pub struct Rectangle {
 }
 
 impl Rectangle {
+    /// Its lowest and highest corner in index space.
+    pub fn bounds(&self) -> [[u32; 3]; 2] {
+        let axis = usize::from(self.axis);
+        let mut high = self.low;
+        high[(axis + 1) % 3] += u32::from(self.size[0]);
+        high[(axis + 2) % 3] += u32::from(self.size[1]);
+        [self.low, high]
+    }
+
     /// Its corners in index space, counter-clockwise as seen from outside.
     pub fn corners(&self) -> [[u32; 3]; 4] {
         let axis = usize::from(self.axis);
         let (across, along) = ((axis + 1) % 3, (axis + 2) % 3);
-        let ring =
-            if self.is_up { [[0, 0], [1, 0], [1, 1], [0, 1]] } else { [[0, 1], [1, 1], [1, 0], [0, 0]] };
-        ring.map(|[a, b]| {
-            let mut corner = self.low;
-            corner[across] += a * u32::from(self.size[0]);
-            corner[along] += b * u32::from(self.size[1]);
-            corner
-        })
+        let mut wide = self.low;
+        wide[across] += u32::from(self.size[0]);
+        let (mut far, mut high) = (wide, self.low);
+        far[along] += u32::from(self.size[1]);
+        high[along] = far[along];
+        if self.is_up { [self.low, wide, far, high] } else { [high, far, wide, self.low] }
     }
 }
 

@@ -3,7 +3,7 @@
 use std::iter;
 use std::sync::Arc;
 
-use glam::Vec3;
+use glam::{UVec3, Vec3};
 use pumice_core::Job;
 use pumice_transport::geometry::DetailLevel;
 
@@ -78,9 +78,7 @@ fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'stat
         extent: extent(surface),
         corner_counts: array(surface, faces, |face, out| out.push(face.corner_count() as i32)),
         corners: Value::Array(indices),
-        points: array(surface, corners, |face, out| {
-            face.for_each_corner(&mut |corner| out.push(corner.as_vec3().to_array()));
-        }),
+        points: points(surface, corners),
         colors,
         color_of_face,
     };
@@ -96,17 +94,50 @@ fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'stat
     ])
 }
 
+/// The corners of each face. Those of rectangles, of which there are most, are not asked for one by one.
+fn points(surface: &Arc<LabelledSurface>, corners: u64) -> Value<'static> {
+    let surface = Arc::clone(surface);
+    Value::Array(Array::new(corners, move |sink| {
+        let mut piece: Vec<[f32; 3]> = Vec::with_capacity(PIECE);
+        for rectangles in surface.rectangles.faces.chunks(PIECE / 4) {
+            for rectangle in rectangles {
+                piece.extend_from_slice(&rectangle.corners().map(|corner| corner.map(|c| c as f32)));
+            }
+            sink(&piece)?;
+            piece.clear();
+        }
+        for polygon in &surface.polygons.faces {
+            polygon.for_each_corner(&mut |corner| piece.push(corner.as_vec3().to_array()));
+            if piece.len() >= PIECE {
+                sink(&piece)?;
+                piece.clear();
+            }
+        }
+        sink(&piece)
+    }))
+}
+
 /// Lowest and highest corner; both 0 where there is no face.
 fn extent(surface: &LabelledSurface) -> Vec<[f32; 3]> {
-    let mut extent: Option<[Vec3; 2]> = None;
-    for face in surface.faces() {
-        face.for_each_corner(&mut |corner| {
+    if surface.is_empty() {
+        return vec![[0.0; 3]; 2];
+    }
+    let (mut low, mut high) = (UVec3::MAX, UVec3::ZERO);
+    for rectangle in &surface.rectangles.faces {
+        let [lowest, highest] = rectangle.bounds().map(UVec3::from_array);
+        (low, high) = (low.min(lowest), high.max(highest));
+    }
+    let mut extent = match surface.rectangles.faces.is_empty() {
+        true => [Vec3::INFINITY, Vec3::NEG_INFINITY],
+        false => [low, high].map(|corner| corner.as_vec3()),
+    };
+    for polygon in &surface.polygons.faces {
+        polygon.for_each_corner(&mut |corner| {
             let corner = corner.as_vec3();
-            let [low, high] = extent.unwrap_or([corner; 2]);
-            extent = Some([low.min(corner), high.max(corner)]);
+            extent = [extent[0].min(corner), extent[1].max(corner)];
         });
     }
-    extent.unwrap_or_default().map(|corner| corner.to_array()).to_vec()
+    extent.map(|corner| corner.to_array()).to_vec()
 }
 
 /// The six normals of rectangles and those of the polygons, and which of them each face has.

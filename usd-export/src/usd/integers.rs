@@ -8,9 +8,8 @@
 //! A step is the difference of a value to the one before; the first is the difference to 0. Source: AOUSD Core Specification 1.0.1, section
 //! 16.3, and for the count of LZ4 blocks what usd-core reads (one byte).
 
-use std::collections::HashMap;
-
 use pumice_core::Error;
+use rustc_hash::FxHashMap;
 
 use crate::Result;
 
@@ -100,7 +99,7 @@ fn for_each_step(integers: &Integers<'_>, mut visit: impl FnMut(i32)) -> Result<
 }
 
 fn most_common_step(integers: &Integers<'_>) -> Result<i32> {
-    let mut counts: HashMap<i32, u64> = HashMap::new();
+    let mut counts: FxHashMap<i32, u64> = FxHashMap::default();
     for_each_step(integers, |step| {
         if counts.len() < MOST_STEPS || counts.contains_key(&step) {
             *counts.entry(step).or_default() += 1;
