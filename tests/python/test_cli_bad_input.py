@@ -429,6 +429,7 @@ def test_ctrl_c_in_other_commands(pumice, noise, noise_pumice, command, tmp_path
     assert stopped > 0, "every signal came too late"
 
 
+@pytest.mark.full
 def test_a_killed_process_leaves_no_half_file(pumice, noise, tmp_path):
     """Kills the command later and later until it finishes: the final name holds either nothing or a complete file."""
     out = tmp_path / "o.pumice"

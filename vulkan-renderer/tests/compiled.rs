@@ -64,7 +64,7 @@ fn compiled(this: &str, family: &str, task: &str) -> Compiled {
     let library = text.split("\"library_path\": \"").nth(1).and_then(|t| t.split('"').next());
     let folder = Path::new(library.expect("a library_path")).parent().expect("a folder");
     let output = Command::new(std::env::current_exe().unwrap())
-        .args([this, "--exact", "--nocapture"])
+        .args([this, "--exact", "--include-ignored", "--nocapture"])
         .env(TASK, task)
         .env("VK_DRIVER_FILES", &file)
         .env("VK_ICD_FILENAMES", &file)
@@ -121,8 +121,9 @@ fn queries_of_few_features_fit() {
     }
 }
 
-/// First surfaces that are compiled for every feature, as if there were no constants of the scene, do not fit: the check sees it.
+/// Control: a path that is compiled for every feature, as if there were no constants of the scene, does not fit, and the check sees it.
 #[test]
+#[ignore = "full: the compiler takes a minute for every feature"]
 fn every_feature_at_once_does_not_fit() {
     if is_child() {
         return;

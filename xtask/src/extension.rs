@@ -7,8 +7,8 @@
 //! NAME is the profile of the build, or Blender's name for the platform of a wheel that exists already:
 //!
 //! ```text
-//! manylinux_2_28_x86_64   linux-x64        win_amd64            windows-x64
-//! manylinux_2_28_aarch64  linux-arm64      macosx_11_0_arm64    macos-arm64
+//! manylinux_2_27_x86_64   linux-x64        win_amd64            windows-x64
+//! manylinux_2_27_aarch64  linux-arm64      macosx_11_0_arm64    macos-arm64
 //! ```
 
 use std::path::{Path, PathBuf};
@@ -210,9 +210,9 @@ mod tests {
     #[test]
     fn the_platform_is_that_of_the_wheel() {
         for (tag, platform) in [
-            ("manylinux_2_28_x86_64", "linux-x64"),
+            ("manylinux_2_27_x86_64", "linux-x64"),
             ("linux_x86_64", "linux-x64"),
-            ("manylinux_2_28_aarch64", "linux-arm64"),
+            ("manylinux_2_27_aarch64", "linux-arm64"),
             ("macosx_11_0_arm64", "macos-arm64"),
             ("win_amd64", "windows-x64"),
         ] {

@@ -48,7 +48,7 @@ extension: builds the zip that users install in Blender, with the Python module 
   --wheel FILE  put this wheel into it, which may be of another platform, instead of building one
   --out FOLDER  also copy it into this folder; it is always in target/extension
 
-wheel: builds the Python module for all machines with this system; on Linux for glibc 2.28 and newer, by zig.
+wheel: builds the Python module for all machines with this system; on Linux for glibc 2.27 and newer, by zig.
 
   --out FOLDER  write it into this folder instead of target/wheels/portable
 

@@ -6,7 +6,7 @@
 //!         └► target/wheels/portable  for others with this system
 //! ```
 //! A wheel that is linked on Linux asks for that machine's glibc or a newer one. The portable wheel is linked by zig against
-//! [`OLDEST_GLIBC`], the oldest that Blender itself runs on.
+//! [`OLDEST_GLIBC`], which is older than the oldest that Blender itself runs on.
 //!
 //! maturin builds the module alone. Its manifest asks for the features of dependencies that a build of the whole workspace has, so the wheel
 //! for the tests is linked with what that build has compiled, and takes seconds.
@@ -31,8 +31,8 @@ pub(crate) fn build(root: &Path, target: &Path, profile: &str) -> Step {
     Step::or_say(command, "the wheel of python/ could not be built")
 }
 
-/// Oldest glibc that Blender's builds run on (RHEL 8 and its like); maturin's name for it.
-const OLDEST_GLIBC: &str = "manylinux_2_28";
+/// maturin's name for the glibc of Ubuntu 18.04, where the wheel was run. Blender's builds run on 2.28 (RHEL 8 and its like) and newer.
+const OLDEST_GLIBC: &str = "manylinux_2_27";
 
 /// Options of `cargo xtask wheel`.
 #[derive(Debug, Default, PartialEq, Eq)]
