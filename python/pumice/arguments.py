@@ -114,7 +114,9 @@ def whole(name: str, value: Any, least: int, most: int) -> int:
     """`value` as an int, from any integer type; InputError if it is not from `least` to `most`."""
     try:
         # Older versions of numpy take their truths for numbers, with a warning.
-        number = operator.index(None if isinstance(value, np.bool_) else value)
+        if isinstance(value, np.bool_):
+            raise TypeError
+        number = operator.index(value)
     except TypeError:
         raise InputError(f"{name}: expected a whole number, got {value!r}") from None
     if not least <= number <= most:
