@@ -6,7 +6,9 @@
 //! reserved, zeroed,  ask the allocator                         limits of the process, and systems that grant only what they have
 //! collected,
 //! collected_by_threads,
-//! make_room, make_room_in_map
+//! make_room, make_room_in_map,
+//! sort_by_key, sort_by_group,
+//! sorted_by_group
 //! ```
 
 use std::collections::HashMap;
@@ -174,10 +176,10 @@ pub fn sort_by_key<T, K: Ord>(list: &mut [T], key: impl Fn(&T) -> K, what: &str)
 }
 
 /// Sorts by a group, a number below `group_count`, and gives each group's places in the sorted list; elements of a group keep their order.
-/// It counts where [`sort_by_key`] compares: sooner, and with a quarter of the memory, where there are far fewer groups than elements.
+/// It counts where [`sort_by_key`] compares: sooner, and with half of the memory, where there are far fewer groups than elements.
 ///
 /// # Errors
-/// As [`reserved`], for four bytes an element; the list stays as it is.
+/// As [`reserved`], for eight bytes an element; the list stays as it is.
 ///
 /// # Panics
 /// If the list has 2³² elements or more, or an element's group is `group_count` or more.
