@@ -7,8 +7,8 @@ use pumice_core::Job;
 
 use crate::console::{BenchResult, Console, Outcome};
 use crate::{
-    backends, convergence, denoise, embree, errors, export, extremes, instances, live, lod, needs, paper,
-    peers, residency, shaders, sizes, speeds, stability,
+    backends, convergence, denoise, embree, errors, export, extremes, instances, large, live, lod, needs,
+    paper, peers, residency, shaders, sizes, speeds, stability,
 };
 
 /// Measure, and print a table
@@ -36,6 +36,7 @@ enum Kind {
     Backends(backends::Flags),
     Instances(instances::Flags),
     Residency(residency::Flags),
+    Large(large::Flags),
     Embree(embree::Flags),
     Shaders(shaders::Flags),
 }
@@ -64,6 +65,7 @@ impl Bench {
             Kind::Backends(flags) => backends::run(flags, job, console),
             Kind::Instances(flags) => instances::run(flags, job, console),
             Kind::Residency(flags) => residency::run(flags, job, console),
+            Kind::Large(flags) => large::run(flags, job, console),
             Kind::Embree(flags) => embree::run(flags, job, console),
             Kind::Shaders(flags) => shaders::run(flags, job, console),
         }

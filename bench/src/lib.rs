@@ -5,6 +5,7 @@
 //! | module | measures | compares with |
 //! |---|---|---|
 //! | [`sizes`], [`speeds`] | bytes by part and level; CPU seconds of each step, rays per second | |
+//! | [`large`] | seconds, peak memory and bytes of compressing against voxels, within a limit on memory | the limit |
 //! | [`residency`] | seconds of a picture against the bytes of its volume in memory | everything in memory |
 //! | [`shaders`] | registers, spills, instructions of compiled shaders | |
 //! | [`backends`], [`live`], [`instances`] | rays and frames; latency of an edit; many instances | |
@@ -30,10 +31,13 @@ pub mod export;
 pub mod extremes;
 mod files;
 pub mod instances;
+mod itself;
+pub mod large;
 pub mod live;
 pub mod lod;
 pub mod machine;
 mod mean_picture;
+mod mirrored;
 pub mod needs;
 pub mod paper;
 pub mod peers;

@@ -1,8 +1,6 @@
 //! Measures pictures of volumes that are drawn from disk: seconds against bytes in memory, and that every picture has the bits of the one
 //! with everything in memory.
 
-mod mirrored;
-
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
@@ -19,8 +17,8 @@ use serde::Serialize;
 
 use crate::console::{BenchResult, Console, Outcome};
 use crate::files::{file_name, scratch};
+use crate::mirrored::Mirrored;
 use crate::table::{Row, TableFlags};
-use mirrored::Mirrored;
 
 /// Seconds of a picture against the bytes of its volume that are in memory
 ///

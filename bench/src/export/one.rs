@@ -1,16 +1,16 @@
 //! One export in a process of its own: this program is started again, and prints what it measured as a line of JSON.
 
-use std::ffi::OsString;
-use std::path::{Path, PathBuf};
-use std::process::Command;
+use std::ffi::OsStr;
+use std::path::Path;
 
 use pumice_core::Job;
 use pumice_formats::OpenOptions;
-use pumice_session::error::{Result, SessionError, io};
+use pumice_session::error::{Result, SessionError};
 use pumice_session::{ExportRequest, Form, Merging, Reader, Stopwatch, export_file};
 use serde::{Deserialize, Serialize};
 
 use super::WrittenRow;
+use crate::itself::Itself;
 use crate::timing::Took;
 
 /// What the process prints.
@@ -61,19 +61,12 @@ pub(super) fn measured(input: &Path, out: &Path, form: &str, job: &Job) -> Resul
     serde_json::to_string(&report).map_err(|e| SessionError::Caller(format!("the report of an export: {e}")))
 }
 
-/// This program, and the words that lead to this bench in it: `pumice bench export`, or `pumice-bench export`.
-pub(super) struct Program {
-    path: PathBuf,
-    words: Vec<OsString>,
-}
+/// Exports in processes of this program.
+pub(super) struct Program(Itself);
 
 impl Program {
     pub(super) fn this() -> Result<Self> {
-        let path = std::env::current_exe().map_err(io("this program"))?;
-        let mut words: Vec<OsString> =
-            std::env::args_os().skip(1).take_while(|word| word != "export").collect();
-        words.push("export".into());
-        Ok(Self { path, words })
+        Itself::of("export").map(Self)
     }
 
     /// Exports `rounds` times, each in a process.
@@ -115,15 +108,6 @@ impl Program {
     }
 
     fn once(&self, input: &Path, out: &Path, form: Form) -> Result<Report> {
-        let mut command = Command::new(&self.path);
-        command.args(&self.words).arg("--one").arg(input).arg(out).arg(form.name());
-        let said = command.output().map_err(io(&self.path))?;
-        if !said.status.success() {
-            let text = String::from_utf8_lossy(&said.stderr);
-            let line = text.lines().next_back().unwrap_or("it said nothing");
-            return Err(SessionError::Caller(format!("an export ended with {}: {line}", said.status)));
-        }
-        serde_json::from_slice(&said.stdout)
-            .map_err(|e| SessionError::Caller(format!("the report of an export is not JSON: {e}")))
+        self.0.report([OsStr::new("--one"), input.as_os_str(), out.as_os_str(), OsStr::new(form.name())])
     }
 }

@@ -4,11 +4,11 @@ use std::collections::VecDeque;
 
 use pumice_core::{BlockSource, CompressedVolume, LabelBlock, LabelBuffer, LabelType, Result, VolumeInfo};
 
-/// Slices of voxels that are made at once.
-const THICK: u32 = 64;
+/// Slices of voxels that are made at once: few, because they are held beside what is measured.
+const THICK: u32 = 16;
 
 /// See the module.
-pub(super) struct Mirrored<'a> {
+pub(crate) struct Mirrored<'a> {
     volume: &'a CompressedVolume,
     info: VolumeInfo,
     /// Copies and their lowest slices that are still to be made.
@@ -18,7 +18,7 @@ pub(super) struct Mirrored<'a> {
 
 impl<'a> Mirrored<'a> {
     /// So many copies along each axis.
-    pub(super) fn new(volume: &'a CompressedVolume, copies: [u32; 3]) -> Self {
+    pub(crate) fn new(volume: &'a CompressedVolume, copies: [u32; 3]) -> Self {
         let dims = [0, 1, 2].map(|a| volume.info().dims[a] * copies[a]);
         let mut info = VolumeInfo::new(dims, LabelType::U32);
         info.world_from_index.matrix3 = volume.info().world_from_index.matrix3;
