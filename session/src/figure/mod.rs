@@ -140,9 +140,14 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
             }
         });
     };
-    let mut lowest = f64::INFINITY;
-    for_each_corner(&mut |corner| lowest = lowest.min(corner.z));
-    let frames_boxes = options.frame == FrameOn::Labels && lowest.is_finite();
+    // For a floor; and cuts may leave nothing of what is shown.
+    let lowest = (options.floor || !options.cuts.is_empty()).then(|| {
+        let mut lowest = f64::INFINITY;
+        for_each_corner(&mut |corner| lowest = lowest.min(corner.z));
+        lowest
+    });
+    let frames_boxes =
+        options.frame == FrameOn::Labels && lowest.map_or(is_shown.contains(&true), f64::is_finite);
     // What falls on the floor belongs to the picture.
     let key = light::key(&camera_axes(toward_camera(options.view_deg)));
     let shadows = if options.floor { shadows_of(corners(framed).map(to_world), &key) } else { Vec::new() };
@@ -163,7 +168,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     };
     let floor = options.floor.then(|| {
         let lowest_framed = || corners(framed).map(|corner| to_world(corner).z).fold(f64::INFINITY, f64::min);
-        floor::floor_below(if lowest.is_finite() { lowest } else { lowest_framed() })
+        floor::floor_below(lowest.filter(|lowest| lowest.is_finite()).unwrap_or_else(lowest_framed))
     });
     Scene {
         version: SCENE_VERSION,
