@@ -99,7 +99,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
         let file = folder.path().join("volume.pumice");
         compressed_copy(volume, &file, job)?;
         for copied in &flags.copies {
-            job.check()?;
+            job.check().map_err(SessionError::from)?;
             let out = folder.path().join("copies.pumice");
             let report = itself.report([
                 "--memory-limit".into(),

@@ -118,12 +118,15 @@ impl LabelledSurface {
         self.rectangles.faces.iter().map(|rectangle| rectangle as &dyn Face).chain(polygons)
     }
 
+    /// A material's place in [`Drawn::materials`] and the places of faces that follow each other and have it, in the order of [`LabelledSurface::faces`].
+    pub(crate) fn runs_of_materials(&self) -> impl Iterator<Item = (usize, Range<u32>)> {
+        let lists = [&self.rectangles.of_material, &self.polygons.of_material];
+        lists.into_iter().flat_map(|of_material| of_material.iter().cloned().enumerate())
+    }
+
     /// For each face its material's place in [`Drawn::materials`], in the order of [`LabelledSurface::faces`].
     pub(crate) fn materials(&self) -> impl Iterator<Item = usize> {
-        let lists = [&self.rectangles.of_material, &self.polygons.of_material];
-        lists.into_iter().flat_map(|of_material| {
-            of_material.iter().enumerate().flat_map(|(place, faces)| faces.clone().map(move |_| place))
-        })
+        self.runs_of_materials().flat_map(|(place, faces)| faces.map(move |_| place))
     }
 
     /// Whether a face has this material, by its place in [`Drawn::materials`].

@@ -26,6 +26,8 @@ use crate::{Interfaces, Result, VoxelRegion};
 /// Side of a block in elements: with its margin a tenth more is looked at than is used.
 pub(crate) const BLOCK: usize = 64;
 const WITH_MARGIN: usize = BLOCK + 2;
+/// From an element of a block to the next along each axis.
+const STEPS: [usize; 3] = [1, WITH_MARGIN, WITH_MARGIN * WITH_MARGIN];
 /// Number of blocks per thread that are processed at a time. It bounds the memory, and keeps threads busy while a slow block is finished.
 const BLOCKS_A_THREAD: usize = 4;
 /// Voxels by which a box that overlaps a region may reach beyond it: boxes have at most 16 along an axis.
@@ -210,9 +212,9 @@ impl<'a> Surface<'a> {
         mut keep: impl FnMut(&Rectangle) -> bool,
     ) -> Vec<Rectangle> {
         let mut rectangles = Vec::new();
-        for axis in 0..3 {
+        for (axis, shown) in shown(elements).iter().enumerate() {
             for is_up in [false, true] {
-                self.faces(elements, origin, (axis, is_up), &mut keep, &mut rectangles);
+                self.faces(elements, shown, origin, (axis, is_up), &mut keep, &mut rectangles);
             }
         }
         rectangles
@@ -242,10 +244,9 @@ impl<'a> Surface<'a> {
         mut visit: impl FnMut([[u32; 3]; 2], u32, [bool; 6]),
     ) {
         let dims = self.volume.info().dims;
-        let steps = [1, WITH_MARGIN, WITH_MARGIN * WITH_MARGIN];
         for i in 0..BLOCK.pow(3) {
             let at = [i % BLOCK, i / BLOCK % BLOCK, i / BLOCK / BLOCK];
-            let place: usize = (0..3).map(|a| (at[a] + 1) * steps[a]).sum();
+            let place: usize = (0..3).map(|a| (at[a] + 1) * STEPS[a]).sum();
             let label = elements[place];
             if label == 0 {
                 continue;
@@ -253,7 +254,7 @@ impl<'a> Surface<'a> {
             let low = [0, 1, 2].map(|a| (origin[a] + at[a] as u32) * self.side());
             let high = [0, 1, 2].map(|a| (low[a] + self.side()).min(dims[a]));
             let beyond = [0, 1, 2, 3, 4, 5].map(|side: usize| {
-                let step = steps[side / 2];
+                let step = STEPS[side / 2];
                 self.is_hidden(label, elements[if side % 2 == 1 { place + step } else { place - step }])
             });
             visit([low, high], label - 1, beyond);
@@ -335,66 +336,64 @@ impl<'a> Surface<'a> {
     fn faces(
         &self,
         elements: &[u32],
+        shown: &[Layer],
         origin: [u32; 3],
         (axis, is_up): (usize, bool),
         keep: &mut impl FnMut(&Rectangle) -> bool,
         rectangles: &mut Vec<Rectangle>,
     ) {
-        let steps = [1, WITH_MARGIN, WITH_MARGIN * WITH_MARGIN];
         let (across, along) = ((axis + 1) % 3, (axis + 2) % 3);
-        let mut layer = [[0u32; BLOCK]; BLOCK];
         for depth in 0..BLOCK {
-            let rectangle = |[a, b]: [usize; 2], [width, height]: [usize; 2], label: u32| {
+            let place = |[a, b]: [usize; 2]| {
+                (depth + 1) * STEPS[axis] + (a + 1) * STEPS[across] + (b + 1) * STEPS[along]
+            };
+            let label = |at: [usize; 2]| elements[place(at)];
+            let beyond = |at: [usize; 2]| {
+                let place = place(at);
+                elements[if is_up { place + STEPS[axis] } else { place - STEPS[axis] }]
+            };
+            let rectangle = |[a, b]: [usize; 2], [width, height]: [usize; 2]| {
                 let mut low = origin;
                 low[axis] += depth as u32 + u32::from(is_up);
                 low[across] += a as u32;
                 low[along] += b as u32;
-                self.rectangle(low, [width as u32, height as u32], axis, is_up, label - 1)
+                self.rectangle(low, [width as u32, height as u32], axis, is_up, label([a, b]) - 1)
             };
-            let mut is_empty = true;
-            for (b, row) in layer.iter_mut().enumerate() {
-                let start = (depth + 1) * steps[axis] + (b + 1) * steps[along] + steps[across];
-                for (a, face) in row.iter_mut().enumerate() {
-                    let at = start + a * steps[across];
-                    let before = elements[if is_up { at + steps[axis] } else { at - steps[axis] }];
-                    *face = if self.is_hidden(elements[at], before) { 0 } else { elements[at] };
-                    if *face != 0 && !keep(&rectangle([a, b], [1, 1], *face)) {
-                        *face = 0;
-                    }
-                    is_empty &= *face == 0;
-                }
+            let (own, before) = (&shown[depth + 1], &shown[if is_up { depth + 2 } else { depth }]);
+            let mut layer = [0; BLOCK];
+            for (b, faces) in layer.iter_mut().enumerate() {
+                let hidden = match self.interfaces {
+                    Interfaces::Outside => own[b] & before[b],
+                    Interfaces::All => where_bits(own[b] & before[b], |a| label([a, b]) == beyond([a, b])),
+                };
+                *faces = where_bits(own[b] & !hidden, |a| keep(&rectangle([a, b], [1, 1])));
             }
-            if !is_empty {
-                self.rectangles(&mut layer, |place, size, label| {
-                    rectangles.push(rectangle(place, size, label))
-                });
-            }
+            self.rectangles(layer, label, |place, size| rectangles.push(rectangle(place, size)));
         }
     }
 
-    /// Divides the faces of a layer among rectangles; leaves none.
+    /// Divides the faces of a layer among rectangles of one label each.
     fn rectangles(
         &self,
-        layer: &mut [[u32; BLOCK]; BLOCK],
-        mut put: impl FnMut([usize; 2], [usize; 2], u32),
+        mut layer: Layer,
+        label: impl Fn([usize; 2]) -> u32,
+        mut put: impl FnMut([usize; 2], [usize; 2]),
     ) {
         for b in 0..BLOCK {
-            let mut a = 0;
-            while a < BLOCK {
-                let label = layer[b][a];
-                if label == 0 {
-                    a += 1;
-                    continue;
-                }
+            while layer[b] != 0 {
+                let a = layer[b].trailing_zeros() as usize;
                 let [mut width, mut height] = [1, 1];
                 if self.merging == Merging::Merged {
-                    width = layer[b][a..].iter().take_while(|&&l| l == label).count();
-                    let is_same = |row: &&[u32; BLOCK]| row[a..a + width].iter().all(|&l| l == label);
-                    height = layer[b..].iter().take_while(is_same).count();
+                    let own = label([a, b]);
+                    let most = (layer[b] >> a).trailing_ones() as usize;
+                    width = (0..most).take_while(|i| label([a + i, b]) == own).count();
+                    let wide = bits(width) << a;
+                    let is_same =
+                        |&b: &usize| layer[b] & wide == wide && (a..a + width).all(|a| label([a, b]) == own);
+                    height = (b..BLOCK).take_while(is_same).count();
                 }
-                layer[b..b + height].iter_mut().for_each(|row| row[a..a + width].fill(0));
-                put([a, b], [width, height], label);
-                a += width;
+                layer[b..b + height].iter_mut().for_each(|row| *row &= !(bits(width) << a));
+                put([a, b], [width, height]);
             }
         }
     }
@@ -413,6 +412,43 @@ impl<'a> Surface<'a> {
             label,
         }
     }
+}
+
+/// Some elements of a layer of a block: a row for each place along the second axis after the layer's own, in it a bit for each along the first.
+type Layer = [u64; BLOCK];
+
+/// The shown elements, for each axis by layer; the first layer and the last are of the margin.
+fn shown(elements: &[u32]) -> [Vec<Layer>; 3] {
+    let mut shown = [0, 1, 2].map(|_| vec![[0; BLOCK]; WITH_MARGIN]);
+    for (row, labels) in elements.chunks_exact(WITH_MARGIN).enumerate() {
+        let (y, z) = (row % WITH_MARGIN, row / WITH_MARGIN);
+        for (x, _) in labels.iter().enumerate().filter(|(_, label)| **label != 0) {
+            let at = [x, y, z];
+            for (axis, layers) in shown.iter_mut().enumerate() {
+                let [a, b] = [at[(axis + 1) % 3], at[(axis + 2) % 3]];
+                if (1..=BLOCK).contains(&a) && (1..=BLOCK).contains(&b) {
+                    layers[at[axis]][b - 1] |= 1 << (a - 1);
+                }
+            }
+        }
+    }
+    shown
+}
+
+/// The lowest bits, so many of 1 to 64.
+fn bits(count: usize) -> u64 {
+    u64::MAX >> (BLOCK - count)
+}
+
+/// Those of some bits, by number, that are taken.
+fn where_bits(bits: u64, mut takes: impl FnMut(usize) -> bool) -> u64 {
+    let (mut left, mut taken) = (bits, 0);
+    while left != 0 {
+        let at = left.trailing_zeros();
+        taken |= u64::from(takes(at as usize)) << at;
+        left &= left - 1;
+    }
+    taken
 }
 
 /// All cells of a box of this extent in voxels: bit x + 4 y + 16 z.

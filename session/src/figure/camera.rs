@@ -7,11 +7,11 @@ use glam::{DAffine3, DVec3};
 use pumice_scene::Camera;
 
 use super::FigureOptions;
-use super::framing::{FrameOn, Framing, toward_camera};
+use super::framing::{FrameOn, Framing, Outermost, toward_camera};
 use super::window::{Seen, Window, free_windows};
 
-/// Calls its argument with points.
-type Points<'a> = dyn Fn(&mut dyn FnMut(DVec3)) + 'a;
+/// Shows points to its argument.
+type Points<'a> = dyn Fn(&mut dyn Outermost) + 'a;
 
 /// The camera of a figure that shows `points`, of which `bounds` are corners.
 pub(super) fn camera(options: &FigureOptions, points: &Points<'_>, bounds: &[DVec3]) -> Camera {
@@ -29,7 +29,7 @@ pub(super) fn camera(options: &FigureOptions, points: &Points<'_>, bounds: &[DVe
         let mut seen = Seen::new(&camera, options.size);
         match options.turntable {
             Some(_) => bounds.iter().for_each(|&p| seen.include(p)),
-            None => points(&mut |p| seen.include(p)),
+            None => points(&mut seen),
         }
         seen.clears(reach)
     };
@@ -61,7 +61,7 @@ fn camera_within(window: &Window, options: &FigureOptions, points: &Points<'_>, 
         (Some(distance), _) => of_first.centred_camera(distance),
         (None, Some(frames)) => of_first.centred_camera(of_turn(frames)),
         (None, None) => {
-            points(&mut |p| of_first.include(p));
+            points(&mut of_first);
             of_first.camera()
         }
     }

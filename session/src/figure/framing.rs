@@ -51,6 +51,35 @@ pub(super) fn corners([low, high]: [DVec3; 2]) -> impl Iterator<Item = DVec3> {
     (0..8u32).map(move |i| DVec3::select(glam::BVec3::new(i & 1 != 0, i & 2 != 0, i & 4 != 0), high, low))
 }
 
+/// Is shown points of which only the outermost matter.
+pub(super) trait Outermost {
+    /// Takes a point into account.
+    fn include(&mut self, p: DVec3);
+
+    /// Whether a point that is at most so far from `p` may matter; where it cannot, it needs not be included.
+    fn may_matter(&self, _p: DVec3, _distance: f64) -> bool {
+        true
+    }
+}
+
+/// A distance with room for the rounding of coordinates, which is a billion times less.
+fn roomy(distance: f64) -> f64 {
+    (1.0 + 1e-6) * distance
+}
+
+/// The least height of some points in the world.
+pub(super) struct Lowest(pub(super) f64);
+
+impl Outermost for Lowest {
+    fn include(&mut self, p: DVec3) {
+        self.0 = self.0.min(p.z);
+    }
+
+    fn may_matter(&self, p: DVec3, distance: f64) -> bool {
+        p.z - roomy(distance) <= self.0
+    }
+}
+
 /// Finds the nearest perspective camera of 28° that shows all points within a window of the picture.
 ///
 /// The camera stands in front of the middle of the points, and a shift of the lens moves them to the window, so that what is shown looks the same
@@ -62,7 +91,7 @@ pub(super) struct Framing {
     /// Of half the window.
     tangents: [f64; 2],
     shift: [f64; 2],
-    /// Largest of ±p·axis + tan·p·back, for right and up.
+    /// Largest of ±p·axis + tan·p·back among the points, for right and up.
     planes: [[f64; 2]; 2],
 }
 
@@ -77,14 +106,6 @@ impl Framing {
             // In units of the longer side. The sum makes −0, which scene files would show, a plain 0.
             shift: [0, 1].map(|a| -window.middle[a] * f64::from(size[a]) / longer / 2.0 + 0.0),
             planes: [[f64::NEG_INFINITY; 2]; 2],
-        }
-    }
-
-    pub(super) fn include(&mut self, p: DVec3) {
-        let back = p.dot(self.axes.z_axis);
-        for (axis, planes) in self.planes.iter_mut().enumerate() {
-            let (across, depth) = (p.dot(self.axes.col(axis)), self.tangents[axis] * back);
-            *planes = [planes[0].max(depth + across), planes[1].max(depth - across)];
         }
     }
 
@@ -112,6 +133,35 @@ impl Framing {
     fn camera_at(&self, place: DVec3) -> Camera {
         let pose = DAffine3 { matrix3: self.axes, translation: self.axes * place };
         Camera { shift: self.shift, ..Camera::new(pose, Projection::Perspective { fov_rad: self.fov_rad }) }
+    }
+}
+
+impl Framing {
+    /// ±p·axis + tan·p·back, by axis.
+    fn planes_of(&self, p: DVec3) -> [[f64; 2]; 2] {
+        let back = p.dot(self.axes.z_axis);
+        [0, 1].map(|axis| {
+            let (across, depth) = (p.dot(self.axes.col(axis)), self.tangents[axis] * back);
+            [depth + across, depth - across]
+        })
+    }
+}
+
+impl Outermost for Framing {
+    fn include(&mut self, p: DVec3) {
+        let of_point = self.planes_of(p);
+        for (planes, of_point) in self.planes.iter_mut().zip(of_point) {
+            *planes = [0, 1].map(|side| planes[side].max(of_point[side]));
+        }
+    }
+
+    fn may_matter(&self, p: DVec3, distance: f64) -> bool {
+        let of_point = self.planes_of(p);
+        (0..2).any(|axis| {
+            // Right, up and back are perpendicular, so this is how long the planes' normals are.
+            let reach = roomy(distance) * self.tangents[axis].hypot(1.0);
+            (0..2).any(|side| of_point[axis][side] + reach >= self.planes[axis][side])
+        })
     }
 }
 
@@ -169,5 +219,38 @@ mod tests {
         ] {
             assert!(toward_camera(view).distance(expected) < 1e-12, "{view:?}");
         }
+    }
+
+    /// What may matter is included, so skipping the rest changes nothing.
+    #[test]
+    fn what_may_not_matter_moves_nothing() {
+        let mut state = 1u32;
+        let mut noise = || {
+            state = state.wrapping_mul(1_664_525).wrapping_add(1_013_904_223);
+            f64::from(state >> 8) / f64::from(1 << 24) - 0.5
+        };
+        let size = [960, 540];
+        let mut lowest = f64::INFINITY;
+        let framing = || Framing::new(toward_camera([24.0, 24.0]), size, &Window::WHOLE);
+        let (mut whole, mut sparing, mut sparing_lowest) = (framing(), framing(), Lowest(f64::INFINITY));
+        let mut skipped = 0;
+        for _ in 0..5000 {
+            let middle = 9.0 * DVec3::new(noise(), noise(), noise());
+            let half = DVec3::new(noise(), noise(), noise()).abs();
+            let points: Vec<DVec3> = corners([middle - half, middle + half]).collect();
+            let distance = half.element_sum();
+            points.iter().for_each(|&p| whole.include(p));
+            lowest = points.iter().fold(lowest, |low, p| low.min(p.z));
+            if sparing.may_matter(middle, distance) {
+                points.iter().for_each(|&p| sparing.include(p));
+            } else {
+                skipped += 1;
+            }
+            if sparing_lowest.may_matter(middle, distance) {
+                points.iter().for_each(|&p| sparing_lowest.include(p));
+            }
+        }
+        assert_eq!((sparing.planes, sparing_lowest.0), (whole.planes, lowest));
+        assert!((4000..5000).contains(&skipped), "{skipped}");
     }
 }

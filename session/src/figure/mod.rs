@@ -41,7 +41,7 @@ pub use turntable::turned;
 pub(crate) use window::free_windows;
 
 use camera::camera;
-use framing::{camera_axes, corners, toward_camera};
+use framing::{Lowest, Outermost, camera_axes, corners, toward_camera};
 
 /// Diagonal of the bounding box of what is framed in world units.
 pub const DIAGONAL: f64 = 10.0;
@@ -131,20 +131,24 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     // Frame the visible boxes, not the corners of their common bounding box: the camera comes closer and still sees everything.
     let mut is_shown = vec![chosen.is_none(); ids.len()];
     shown.iter().for_each(|&label| is_shown[label as usize] = true);
-    let for_each_corner = |visit: &mut dyn FnMut(DVec3)| {
+    let half_sides = DVec3::from_array([0, 1, 2].map(|a| linear.col(a).length() / 2.0));
+    let show_corners = |outermost: &mut dyn Outermost| {
         volume.for_each_box(|label, b| {
+            let extent = DVec3::from_array(b.extent.map(f64::from));
+            let middle = to_world(DVec3::from_array(b.origin.map(f64::from)) + extent / 2.0);
             if is_shown[label as usize]
+                && outermost.may_matter(middle, extent.dot(half_sides))
                 && let Some(visible) = left_of(&options.cuts, info.dims, voxel_corners(b.voxel_bounds()))
             {
-                corners(visible).map(to_world).for_each(&mut *visit);
+                corners(visible).map(to_world).for_each(|corner| outermost.include(corner));
             }
         });
     };
     // For a floor; and cuts may leave nothing of what is shown.
     let lowest = (options.floor || !options.cuts.is_empty()).then(|| {
-        let mut lowest = f64::INFINITY;
-        for_each_corner(&mut |corner| lowest = lowest.min(corner.z));
-        lowest
+        let mut lowest = Lowest(f64::INFINITY);
+        show_corners(&mut lowest);
+        lowest.0
     });
     let frames_boxes =
         options.frame == FrameOn::Labels && lowest.map_or(is_shown.contains(&true), f64::is_finite);
@@ -152,14 +156,14 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     let key = light::key(&camera_axes(toward_camera(options.view_deg)));
     let shadows = if options.floor { shadows_of(corners(framed).map(to_world), &key) } else { Vec::new() };
     let of_bounds = || corners(framed).map(to_world).chain(shadows.iter().copied());
-    let for_each_point = |visit: &mut dyn FnMut(DVec3)| match frames_boxes {
+    let show_points = |outermost: &mut dyn Outermost| match frames_boxes {
         true => {
-            for_each_corner(visit);
-            shadows.iter().copied().for_each(visit);
+            show_corners(outermost);
+            shadows.iter().for_each(|&shadow| outermost.include(shadow));
         }
-        false => of_bounds().for_each(visit),
+        false => of_bounds().for_each(|point| outermost.include(point)),
     };
-    let mut camera = camera(options, &for_each_point, &of_bounds().collect::<Vec<_>>());
+    let mut camera = camera(options, &show_points, &of_bounds().collect::<Vec<_>>());
     camera.aperture = options.lens.as_ref().map(|lens| lens.aperture(&camera, to_world));
 
     let show = match &chosen {

@@ -12,6 +12,8 @@
 use glam::DVec3;
 use pumice_scene::{Camera, Projection};
 
+use super::framing::Outermost;
+
 /// Margin on each side, as a part of the picture.
 const MARGIN: f64 = 0.04;
 /// Least part of the picture's width or height that is worth framing in: a figure in less would be smaller than its legend.
@@ -59,7 +61,14 @@ impl<'a> Seen<'a> {
         Self { camera, size: size.map(f64::from), low: none.0, high: none.1 }
     }
 
-    pub(super) fn include(&mut self, p: DVec3) {
+    /// Whether they keep clear of what reaches so many pixels from the upper left corner, by a margin.
+    pub(super) fn clears(&self, reach: [f64; 2]) -> bool {
+        (0..2).any(|a| self.low[a] >= reach[a] + MARGIN * self.size[a])
+    }
+}
+
+impl Outermost for Seen<'_> {
+    fn include(&mut self, p: DVec3) {
         let Projection::Perspective { fov_rad } = self.camera.projection else { return };
         let pose = &self.camera.world_from_camera;
         let q = pose.matrix3.transpose() * (p - pose.translation);
@@ -71,11 +80,6 @@ impl<'a> Seen<'a> {
         for a in 0..2 {
             (self.low[a], self.high[a]) = (self.low[a].min(across(a)), self.high[a].max(across(a)));
         }
-    }
-
-    /// Whether they keep clear of what reaches so many pixels from the upper left corner, by a margin.
-    pub(super) fn clears(&self, reach: [f64; 2]) -> bool {
-        (0..2).any(|a| self.low[a] >= reach[a] + MARGIN * self.size[a])
     }
 }
 

@@ -10,8 +10,8 @@ use pumice_transport::geometry::DetailLevel;
 use super::mesh_parts::{MeshParts, PIECE, array_of_ranges, indexable, subset};
 use crate::drawn::Drawn;
 use crate::labelled_surface::{Face, LabelledSurface};
-use crate::usd::{Array, ArrayElement, Prim, Property, Value};
-use crate::{Budget, Merging, Rectangle, Result};
+use crate::usd::{Array, Prim, Property, Value};
+use crate::{Budget, CutPolygon, Merging, Rectangle, Result};
 
 /// Normals by axis and side, in the order of [`normal_of`].
 pub(super) const NORMALS: [[f32; 3]; 6] =
@@ -48,47 +48,39 @@ pub(super) fn prim(
     Ok(super::mesh_parts::surface(properties(surface, drawn), children))
 }
 
-/// An array of `len` elements, which `of` appends face by face.
-fn array<T: ArrayElement>(
+/// An integer for each face.
+fn integers(
     surface: &Arc<LabelledSurface>,
-    len: u64,
-    of: impl Fn(&dyn Face, &mut Vec<T>) + Send + Sync + 'static,
+    of_rectangle: impl Fn(&Rectangle) -> i32 + Send + Sync + 'static,
+    of_polygon: impl Fn(&CutPolygon) -> i32 + Send + Sync + 'static,
 ) -> Value<'static> {
     let surface = Arc::clone(surface);
-    Value::Array(Array::new(len, move |sink| {
-        let mut piece = Vec::new();
-        for face in surface.faces() {
-            of(face, &mut piece);
-            if piece.len() >= PIECE {
-                sink(&piece)?;
-                piece.clear();
-            }
-        }
-        sink(&piece)
+    Value::Array(Array::new(surface.face_count(), move |sink| {
+        let LabelledSurface { rectangles, polygons } = surface.as_ref();
+        let mut rectangles = rectangles.faces.chunks(PIECE);
+        rectangles.try_for_each(|faces| sink(&faces.iter().map(&of_rectangle).collect::<Vec<i32>>()))?;
+        let mut polygons = polygons.faces.chunks(PIECE);
+        polygons.try_for_each(|faces| sink(&faces.iter().map(&of_polygon).collect::<Vec<i32>>()))
     }))
 }
 
 fn properties(surface: LabelledSurface, drawn: &Drawn<'_>) -> Vec<Property<'static>> {
     let surface = &Arc::new(surface);
-    let (faces, corners) = (surface.face_count(), surface.corner_count());
+    let corners = surface.corner_count();
     let indices = array_of_ranges(iter::once(0..corners as u32));
     let [normals, normal_of_face] = normals(surface);
     let (colors, color_of_face) = colors(surface, drawn);
+    let labels = integers(surface, |rectangle| rectangle.label as i32, |polygon| polygon.label as i32);
     let parts = MeshParts {
         extent: extent(surface),
-        corner_counts: array(surface, faces, |face, out| out.push(face.corner_count() as i32)),
+        corner_counts: integers(surface, |_| 4, |polygon| polygon.corners.len() as i32),
         corners: Value::Array(indices),
         points: points(surface, corners),
         colors,
         color_of_face,
     };
     parts.properties(vec![
-        Property::primvar(
-            "label",
-            "int[]",
-            "uniform",
-            array(surface, faces, |face, out| out.push(face.label() as i32)),
-        ),
+        Property::primvar("label", "int[]", "uniform", labels),
         Property::primvar("normals", "normal3f[]", "uniform", normals),
         Property::new("primvars:normals:indices", "int[]", normal_of_face),
     ])
@@ -166,15 +158,16 @@ fn colors(surface: &Arc<LabelledSurface>, drawn: &Drawn<'_>) -> (Vec<[f32; 3]>, 
     }
     let (faces, surface) = (surface.face_count(), Arc::clone(surface));
     let of_face = Array::new(faces, move |sink| {
-        let mut piece = Vec::with_capacity(PIECE);
-        for place in surface.materials() {
-            piece.push(color_of_material[place]);
-            if piece.len() == PIECE {
-                sink(&piece)?;
-                piece.clear();
+        surface.runs_of_materials().try_for_each(|(place, faces)| {
+            let piece = [color_of_material[place]; PIECE];
+            let mut left = faces.len();
+            while left > 0 {
+                let now = left.min(PIECE);
+                sink(&piece[..now])?;
+                left -= now;
             }
-        }
-        sink(&piece)
+            Ok(())
+        })
     });
     (colors, Value::Array(of_face))
 }
