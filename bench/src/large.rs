@@ -1,9 +1,9 @@
 //! Measures compression of volumes larger than a limit on memory: seconds, peak memory and bytes against voxels.
 //!
-//! A volume is copied along its axes, each copy mirrored and with labels of its own, so that filling and shapes stay the same while the
-//! number of voxels grows. The voxels are made while they are read and never stored. Each measurement is a process of its own, because a
-//! peak of memory is that of a process.
+//! A volume is copied along its axes, each copy mirrored, so that filling and shapes stay the same while the number of voxels grows. The voxels
+//! are made while they are read and never stored. Each measurement is a process of its own, because a peak of memory is that of a process.
 
+use std::ffi::OsString;
 use std::path::{Path, PathBuf};
 
 use clap::Args;
@@ -24,32 +24,80 @@ use crate::mirrored::Mirrored;
 use crate::table::{Row, TableFlags};
 use crate::timing::Took;
 
+/// Largest side of a volume that is made.
+const MOST_SIDE: u32 = 1 << 17;
+
 /// What a process may take beside its limit: itself, and the blocks that its source holds.
 const BESIDE_THE_LIMIT: u64 = 64 << 20;
 
 /// Seconds, memory and bytes of compressing volumes larger than a limit on memory
 ///
-/// Compresses copies of each volume, mirrored and with labels of their own, which are made while they are read. Exit code 1 if a process
-/// takes more memory than its limit and 64 MiB.
+/// Compresses mirrored copies of each volume, which are made while they are read. Exit code 1 if a process takes more memory than its limit and 64
+/// MiB.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
     table: TableFlags,
-    /// Copies along x, y and z; repeat it for further sizes
-    #[arg(long, value_name = "X,Y,Z", default_values = ["1,1,1", "2,2,2", "4,4,4"], value_parser = copies)]
+    /// Copies along x, y and z, each with labels of its own; repeat it for further sizes. 1,1,1, 2,2,2 and 4,4,4 where no other size is given
+    #[arg(long, value_name = "X,Y,Z", value_parser = copies)]
     copies: Vec<[u32; 3]>,
+    /// Voxels along x, y and z, cut out of as many copies as that takes, all with the same labels; repeat it for further sizes
+    #[arg(long, value_name = "X,Y,Z", value_parser = size)]
+    size: Vec<[u32; 3]>,
     /// Limit on memory
     #[arg(long, value_name = "BYTES", default_value = "1GiB", value_parser = bytes)]
     memory_limit: u64,
     /// What the bench starts itself with: compresses once and prints the figures
-    #[arg(long, hide = true, num_args = 3, value_names = ["INPUT", "COPIES", "OUT"])]
-    one: Option<Vec<PathBuf>>,
+    #[arg(long, hide = true, value_name = "OUT")]
+    one: Option<PathBuf>,
+}
+
+/// What is made of a volume.
+#[derive(Clone, Copy, Debug)]
+enum Made {
+    Copies([u32; 3]),
+    Cut([u32; 3]),
+}
+
+impl Made {
+    fn of(self, volume: &CompressedVolume) -> Mirrored<'_> {
+        match self {
+            Self::Copies(copies) => Mirrored::copies(volume, copies),
+            Self::Cut(size) => Mirrored::cut(volume, size),
+        }
+    }
+
+    fn flag(self) -> [String; 2] {
+        let (name, numbers) = match self {
+            Self::Copies(copies) => ("--copies", copies),
+            Self::Cut(size) => ("--size", size),
+        };
+        [name.into(), numbers.map(|n| n.to_string()).join(",")]
+    }
+}
+
+impl Flags {
+    fn made(&self) -> Vec<Made> {
+        let made: Vec<Made> = self
+            .copies
+            .iter()
+            .map(|&n| Made::Copies(n))
+            .chain(self.size.iter().map(|&n| Made::Cut(n)))
+            .collect();
+        if made.is_empty() { [1, 2, 4].map(|n| Made::Copies([n; 3])).into() } else { made }
+    }
 }
 
 fn copies(text: &str) -> std::result::Result<[u32; 3], String> {
     numbers(text, ',')
         .filter(|copies: &[u32; 3]| copies.iter().all(|n| (1..=64).contains(n)))
         .ok_or_else(|| "expected three whole numbers from 1 to 64, e.g. 4,4,4".into())
+}
+
+fn size(text: &str) -> std::result::Result<[u32; 3], String> {
+    numbers(text, ',')
+        .filter(|size: &[u32; 3]| size.iter().all(|n| (1..=MOST_SIDE).contains(n)))
+        .ok_or_else(|| format!("expected three whole numbers from 1 to {MOST_SIDE}, e.g. 661,11044,15448"))
 }
 
 /// What a process prints.
@@ -62,6 +110,8 @@ struct Report {
     bytes_disk: u64,
     bytes_volume: u64,
     took: Took,
+    /// Of it, making the voxels.
+    making_seconds: f64,
     peak_rss_bytes: Option<u64>,
 }
 
@@ -84,9 +134,8 @@ impl Compressed {
 }
 
 pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
-    if let Some([input, copied, out]) = flags.one.as_deref() {
-        let copied = copies(&copied.to_string_lossy()).map_err(SessionError::Caller)?;
-        let report = measured(input, copied, flags.memory_limit, out, job)?;
+    if let (Some(out), [input], [made]) = (&flags.one, &flags.table.volumes[..], &flags.made()[..]) {
+        let report = measured(input, *made, flags.memory_limit, out, job)?;
         let line = serde_json::to_string(&report).map_err(|e| SessionError::Caller(e.to_string()))?;
         console.line(line)?;
         return Ok(Outcome::Holds);
@@ -98,17 +147,13 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
         // Opened once: the processes that are measured read the file, whatever the volume is.
         let file = folder.path().join("volume.pumice");
         compressed_copy(volume, &file, job)?;
-        for copied in &flags.copies {
+        for made in flags.made() {
             job.check().map_err(SessionError::from)?;
             let out = folder.path().join("copies.pumice");
-            let report = itself.report([
-                "--memory-limit".into(),
-                flags.memory_limit.to_string(),
-                "--one".into(),
-                file.to_string_lossy().into_owned(),
-                copied.map(|n| n.to_string()).join(","),
-                out.to_string_lossy().into_owned(),
-            ])?;
+            let [name, numbers] = made.flag().map(OsString::from);
+            let limit = flags.memory_limit.to_string();
+            let words = ["--memory-limit".into(), limit.into(), name, numbers, "--one".into(), out.into()];
+            let report = itself.report([OsString::from(&file)].into_iter().chain(words))?;
             rows.push(Compressed { volume: file_name(volume), limit_bytes: flags.memory_limit, report });
         }
     }
@@ -118,7 +163,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
 
 fn compressed_copy(input: &Path, file: &Path, job: &Job) -> Result<()> {
     let volume = open_volume(input, &OpenOptions::default(), Residence::Copied, job)?;
-    let mut source = Mirrored::new(&volume, [1; 3]);
+    let mut source = Mirrored::cut(&volume, volume.info().dims);
     write(&mut source, file, &CompressOptions::default(), job).map(|_| ())
 }
 
@@ -132,23 +177,23 @@ fn write(
     Ok(compress_to_file(source, file, CompressionLevel::Fast, options, &mut describe, job)?)
 }
 
-/// Compresses copies of a `.pumice` file.
-fn measured(input: &Path, copied: [u32; 3], limit_bytes: u64, out: &Path, job: &Job) -> Result<Report> {
+/// Compresses what is made of a `.pumice` file.
+fn measured(input: &Path, made: Made, limit_bytes: u64, out: &Path, job: &Job) -> Result<Report> {
     let volume = open_volume(input, &OpenOptions::default(), Residence::Copied, job)?;
-    let solid: u64 = volume.labels().voxels().iter().sum();
-    let mut source = Mirrored::new(&volume, copied);
+    let mut source = made.of(&volume);
     let options = CompressOptions { memory_limit_bytes: Some(limit_bytes), ..CompressOptions::default() };
     let clock = Stopwatch::start();
     let written = write(&mut source, out, &options, job)?;
     let took = Took::since(&clock);
     Ok(Report {
         dims: written.dims,
-        solid_voxels: solid * copied.iter().map(|&n| u64::from(n)).product::<u64>(),
+        solid_voxels: source.solid_voxels(),
         labels: written.labels,
         boxes: written.boxes,
         bytes_disk: written.bytes_disk,
         bytes_volume: written.bytes_volume,
         took,
+        making_seconds: source.seconds(),
         peak_rss_bytes: peak_rss_bytes(),
     })
 }
@@ -160,7 +205,8 @@ impl Row for Compressed {
         let raw = 4.0 * voxels;
         let mib = |bytes: u64| format!("{:.0}", bytes as f64 / f64::from(1 << 20));
         // A terabyte of labels of 4 bytes.
-        let hours = 1e12 / raw * took.cpu_seconds / 3600.0;
+        let own = took.cpu_seconds - self.report.making_seconds;
+        let hours = 1e12 / raw * own / 3600.0;
         vec![
             ("volume", format!("{}, {}", self.volume, dims.map(|d| d.to_string()).join(" × "))),
             ("voxels, 10⁹", format!("{:.3}", voxels / 1e9)),
@@ -171,7 +217,8 @@ impl Row for Compressed {
             ("peak, MiB", self.report.peak_rss_bytes.map_or("–".into(), mib)),
             ("s", format!("{:.1}", took.seconds)),
             ("CPU s", format!("{:.1}", took.cpu_seconds)),
-            ("CPU ns a voxel", format!("{:.2}", 1e9 * took.cpu_seconds / voxels)),
+            ("of it making voxels, s", format!("{:.1}", self.report.making_seconds)),
+            ("other CPU ns a voxel", format!("{:.2}", 1e9 * own / voxels)),
             ("file, bytes", self.report.bytes_disk.to_string()),
             ("file", format!("{:.3} % of 4 bytes a voxel", 100.0 * self.report.bytes_disk as f64 / raw)),
             ("in memory", format!("{:.3} %", 100.0 * self.report.bytes_volume as f64 / raw)),
@@ -185,7 +232,11 @@ mod tests {
     use super::*;
 
     #[test]
-    fn copies_are_three_numbers() {
+    fn sizes_are_three_numbers() {
+        assert_eq!(size("661,11044,15448"), Ok([661, 11044, 15448]));
+        for wrong in ["", "0,1,1", "1,1,131073", "1,2"] {
+            assert!(size(wrong).unwrap_err().starts_with("expected three whole numbers"), "{wrong}");
+        }
         assert_eq!(copies("1,2,64"), Ok([1, 2, 64]));
         for wrong in ["", "1,2", "0,1,1", "65,1,1", "1,1,1,1", "a,b,c", "1.5,1,1"] {
             assert!(copies(wrong).unwrap_err().starts_with("expected three whole numbers"), "{wrong}");
@@ -203,15 +254,16 @@ mod tests {
             bytes_disk: 1000,
             bytes_volume: 2000,
             took,
+            making_seconds: 1.0,
             peak_rss_bytes: Some((1 << 30) + BESIDE_THE_LIMIT),
         };
         let mut row = Compressed { volume: "v".into(), limit_bytes: 1 << 30, report };
         assert!(row.keeps_the_limit());
         let cells = row.cells();
         let cell = |name: &str| cells.iter().find(|(n, _)| *n == name).unwrap().1.clone();
-        assert_eq!((cell("solid"), cell("CPU ns a voxel")), ("15.00 %".into(), "4.00".into()));
-        // 250 times as many voxels, in 4 s each.
-        assert_eq!(cell("CPU hours a terabyte of 4-byte labels"), "0.28");
+        assert_eq!((cell("solid"), cell("other CPU ns a voxel")), ("15.00 %".into(), "3.00".into()));
+        // 250 times as many voxels, in 3 s each.
+        assert_eq!(cell("CPU hours a terabyte of 4-byte labels"), "0.21");
         row.report.peak_rss_bytes = Some((1 << 30) + BESIDE_THE_LIMIT + 1);
         assert!(!row.keeps_the_limit());
         row.report.peak_rss_bytes = None;

@@ -151,7 +151,7 @@ fn make(input: &Path, copies: &[u32], file: &Path, job: &Job) -> Result<()> {
         }
     };
     let volume = open_volume(input, &OpenOptions::default(), Residence::Copied, job)?;
-    let mut source = Mirrored::new(&volume, copies);
+    let mut source = Mirrored::copies(&volume, copies);
     let mut describe = |_: &mut CompressedVolume| Ok(());
     let options = CompressOptions::default();
     compress_to_file(&mut source, file, CompressionLevel::Fast, &options, &mut describe, job)?;

@@ -22,6 +22,9 @@ trait Label: Copy + Eq + Default + Into<u64> {
     /// Whether all 64 are equal to `first`. Branch-free, so that the compiler vectorises it.
     fn all_equal(labels: &[Self; 64], first: Self) -> bool;
 
+    /// Whether all are background. Branch-free too.
+    fn are_background(labels: &[Self]) -> bool;
+
     /// The labels as 32-bit numbers if they stay distinct that way; then twice as many are compared at once.
     fn narrow(_: &[Self; 64]) -> Option<[u32; 64]> {
         None
@@ -35,6 +38,10 @@ macro_rules! label {
             #[inline(always)]
             fn all_equal(labels: &[Self; 64], first: Self) -> bool {
                 labels.iter().fold(0, |differing, &l| differing | (l ^ first)) == 0
+            }
+            #[inline(always)]
+            fn are_background(labels: &[Self]) -> bool {
+                labels.iter().fold(0, |any, &l| any | l) == 0
             }
         }
     )*};
@@ -185,6 +192,9 @@ impl SortedCells {
     }
 }
 
+/// Cubes of 4² cells a side are looked at as a whole first, which saves their cells where nothing is.
+const SPARSE_LEVEL: u32 = 2;
+
 /// A block being scanned.
 struct Scan<'a, T> {
     origin: [u32; 3],
@@ -248,6 +258,9 @@ impl<T: Label> Scan<'_, T> {
         if level == 0 {
             return self.cell(corner, records);
         }
+        if level == SPARSE_LEVEL && self.is_background(corner) {
+            return;
+        }
         let half = 1 << (level - 1);
         for child in 0..8u32 {
             let low = [0, 1, 2].map(|a| corner[a] + (child >> a & 1) * half);
@@ -255,6 +268,25 @@ impl<T: Label> Scan<'_, T> {
                 self.cube(level - 1, low, first, last, records);
             }
         }
+    }
+
+    /// Whether a cube of [`SPARSE_LEVEL`] is known to have no label. It is seen at once that a cube within a label has one.
+    fn is_background(&self, corner: [u32; 3]) -> bool {
+        let Self { origin, dims, strides, labels } = self;
+        let Some(fastest) = strides.iter().position(|&stride| stride == 1) else { return false };
+        let (across, along) = ((fastest + 1) % 3, (fastest + 2) % 3);
+        let voxels = |a: usize| {
+            let low = (corner[a] * CELL).max(origin[a]) - origin[a];
+            let high = ((corner[a] + (1 << SPARSE_LEVEL)) * CELL).min(origin[a] + dims[a]) - origin[a];
+            low as usize..high as usize
+        };
+        voxels(along).all(|v| {
+            voxels(across).all(|u| {
+                let start = u * strides[across] + v * strides[along];
+                let row = voxels(fastest);
+                T::are_background(&labels[start + row.start..start + row.end])
+            })
+        })
     }
 
     /// Reads one cell and records its labels.
@@ -339,6 +371,26 @@ mod tests {
         let beyond =
             LabelBlock { origin: [1, 0, 0], dims, strides: [0; 3], labels: LabelBuffer::U32(vec![0]) };
         assert!(SortedCells::from_block(&beyond, dims).is_err());
+    }
+
+    /// Looking at cubes as a whole loses no voxel, wherever it lies in them and in the block.
+    #[test]
+    fn a_single_voxel_is_found_anywhere() {
+        let (origin, dims, volume) = ([5, 2, 11], [33u32, 19, 22], [40, 40, 40]);
+        let [x, y, z] = dims.map(|d| d as usize);
+        for strides in [[1, x, x * y], [y * z, z, 1], [z, z * x, 1], [2, 2 * x, 2 * x * y]] {
+            for v in (0..x * y * z).step_by(7) {
+                let at = [v % x, v / x % y, v / x / y];
+                let mut labels = vec![0u16; 2 * x * y * z];
+                labels[(0..3).map(|a| at[a] * strides[a]).sum::<usize>()] = 9;
+                let block = LabelBlock { origin, dims, strides, labels: LabelBuffer::U16(labels) };
+                let part = SortedCells::from_block(&block, volume).unwrap();
+                let voxel = [0, 1, 2].map(|a| origin[a] + at[a] as u32);
+                let (key, bit) = (morton::encode(voxel.map(|c| c / CELL)), voxel.map(|c| c % CELL));
+                let mask = 1 << (bit[0] + 4 * bit[1] + 16 * bit[2]);
+                assert_eq!((part.ids, part.cells), (vec![9], vec![Cell { key, mask }]), "{at:?} {strides:?}");
+            }
+        }
     }
 
     #[test]

@@ -14,7 +14,6 @@ use crate::array_axes;
 use crate::choice::{self, ChoiceValue, OpenChoice, refuse_absent};
 use crate::element::{Element, type_of_code};
 use crate::error::{FormatError, Result};
-use crate::header_text::shorten;
 use crate::layout::{FileAxis, Layout, Role};
 use crate::npy_header::{self, NpyHeader};
 use crate::options::{ArrayAxes, OpenOptions};
@@ -165,7 +164,7 @@ pub(crate) fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
     let refused = |what: &str| {
         Err(FormatError::unsupported(
             path,
-            format!("the array's type is {what} (descr {})", shorten(descr)),
+            format!("the array's type is {what} (descr {descr})"),
             "convert it with .astype('uint32') before saving",
         ))
     };
@@ -183,6 +182,6 @@ pub(crate) fn label_type(path: &Path, descr: &str) -> Result<LabelType> {
         Some(b'M' | b'm') => refused("date or time"),
         Some(b'V') => refused("untyped bytes"),
         Some(b'f') => refused("floating point of unusual width"),
-        _ => Err(FormatError::damaged(path, format!("the array's type {:?} is not known", shorten(descr)))),
+        _ => Err(FormatError::damaged(path, format!("the array's type {descr:?} is not known"))),
     }
 }

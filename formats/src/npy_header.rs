@@ -2,6 +2,8 @@
 
 use std::path::Path;
 
+use pumice_core::error::one_line;
+
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::stream::ByteStream;
@@ -89,7 +91,8 @@ fn parse(text: &str) -> std::result::Result<(String, bool, Vec<u64>), String> {
         let after = after.trim_start().strip_prefix(':').ok_or("expected a colon after a key")?.trim_start();
         let (value, after) = value(after).ok_or("a value does not end")?;
         match key {
-            "descr" => descr = Some(string(value).map_or(value, |(inner, _)| inner).to_owned()),
+            // Messages have it, and a forged one may be long and have line ends.
+            "descr" => descr = Some(one_line(&shorten(string(value).map_or(value, |(inner, _)| inner)))),
             "fortran_order" => {
                 fortran_order = Some(match value {
                     "True" => true,

@@ -247,7 +247,7 @@ impl Warnings {
     }
 
     /// Adds a warning, unless the same text is already there.
-    pub(crate) fn push(&self, text: impl Into<String>) {
+    pub fn push(&self, text: impl Into<String>) {
         let text = text.into();
         let mut list = self.list.lock().unwrap_or_else(PoisonError::into_inner);
         if list.contains(&text) {

@@ -66,7 +66,13 @@ fn part(file: &mut File, size: u64, range: ByteRange) -> Result<Bytes, StorageEr
         ByteRange::Suffix(length) => (size.saturating_sub(length), Some(length).filter(|&l| l <= size)),
     };
     let Some(length) = length.and_then(|length| usize::try_from(length).ok()) else {
-        let what = format!("the file ends after {size} bytes, bytes {range} are wanted");
+        // The crate's own text of a range adds offset and length, which may be more than 64 bits hold.
+        let wanted = match range {
+            ByteRange::FromStart(start, None) => format!("those from {start}"),
+            ByteRange::FromStart(start, Some(length)) => format!("{length} from {start}"),
+            ByteRange::Suffix(length) => format!("the last {length}"),
+        };
+        let what = format!("the file ends after {size} bytes, {wanted} are wanted");
         return Err(io(Error::new(ErrorKind::UnexpectedEof, what)));
     };
     // The file has so many bytes.
@@ -102,5 +108,34 @@ impl ReadableStorageTraits for ZarrFiles {
 
     fn supports_get_partial(&self) -> bool {
         true
+    }
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn ranges_beyond_the_file_are_errors() {
+        let path = std::env::temp_dir().join(format!("pumice-ranges-{}", std::process::id()));
+        std::fs::write(&path, [1, 2, 3]).unwrap();
+        let mut read = |range| part(&mut File::open(&path).unwrap(), 3, range);
+        assert_eq!(read(ByteRange::FromStart(1, Some(2))).unwrap().as_ref(), [2, 3]);
+        assert_eq!(read(ByteRange::FromStart(1, None)).unwrap().as_ref(), [2, 3]);
+        assert_eq!(read(ByteRange::Suffix(1)).unwrap().as_ref(), [3]);
+        for (range, wanted) in [
+            (ByteRange::FromStart(2, Some(2)), "2 from 2"),
+            (ByteRange::FromStart(4, None), "those from 4"),
+            (ByteRange::Suffix(4), "the last 4"),
+            // No sum of these fits into 64 bits.
+            (
+                ByteRange::FromStart(u64::MAX, Some(u64::MAX)),
+                "18446744073709551615 from 18446744073709551615",
+            ),
+        ] {
+            let error = read(range).unwrap_err().to_string();
+            assert!(error.contains(wanted), "{error}");
+        }
+        std::fs::remove_file(&path).unwrap();
     }
 }

@@ -79,6 +79,7 @@ fn refuses_in_one_line() {
         ("<f2", "unusual"),
         ("<M8[ns]", "date"),
         ("<q9", "not known"),
+        ("<c\n\n8", "complex"),
     ] {
         refused(npy(1, &header(descr, false, "(3, 4, 5)"), &[0; 600]), &[word]);
     }

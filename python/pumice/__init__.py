@@ -21,6 +21,7 @@ from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWar
 from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
+from .neuroglancer import open_state
 from .parts import chunk_count, compress_part, merge
 from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
 from .reference_picture import ReferencePicture
@@ -76,6 +77,7 @@ __all__ = [
     "merge",
     "open",
     "open_picture",
+    "open_state",
     "probe",
     "query_labels",
     "read_label_table",

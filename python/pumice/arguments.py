@@ -208,6 +208,8 @@ def reading(given: Choice | Reading) -> ReadAs:
     store = {name: checked.pop(name) for name in StoreAs._fields if checked.get(name) is not None}
     for name in StoreAs._fields:
         checked.pop(name, None)
+    if unknown := [name for name in checked if name not in ReadAs._fields or name in ("raw", "store")]:
+        raise TypeError(f"unexpected keyword argument {unknown[0]!r}")
     return ReadAs(**checked, raw=raw_layout(**layout), store=_store(store))
 
 

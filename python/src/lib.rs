@@ -14,6 +14,7 @@ mod label_table;
 mod labels;
 mod live;
 mod mesh;
+mod neuroglancer;
 mod parts;
 mod picture;
 mod reference_picture;
@@ -51,6 +52,8 @@ mod _native {
     use crate::live::Session;
     #[pymodule_export]
     use crate::mesh::Mesh;
+    #[pymodule_export]
+    use crate::neuroglancer::open_state;
     #[pymodule_export]
     use crate::parts::{chunk_count, chunk_regions, compress_part, merge};
     #[pymodule_export]

@@ -1,5 +1,6 @@
 """Tests that a wrong argument of any public function is an `InputError` with one line, whatever it is and wherever it is refused."""
 
+import json
 import math
 import os
 
@@ -53,6 +54,9 @@ def made(small, tmp_path_factory):
     (folder / "types.csv").write_text("id,type\n1,a\n")
     scene = pumice.figure(volume, size=(8, 8), source=folder / "v.pumice")
     scene.save(folder / "s.json")
+    steps = {axis: [1, "m"] for axis in "xyz"}
+    layer = {"type": "segmentation", "name": "a", "source": "v.pumice", "segments": ["1"]}
+    (folder / "ng.json").write_text(json.dumps({"dimensions": steps, "layers": [layer]}))
     triangle = {"positions": [[0, 0, 0], [1, 0, 0], [0, 1, 0]], "triangles": [[0, 1, 2]]}
     pumice.render(scene, volume, spp=1, backend="cpu").save(folder / "p.exr")
     mesh = pumice.Mesh(**triangle)
@@ -155,6 +159,7 @@ def made(small, tmp_path_factory):
         "Session.pick": (session.pick, {"x": 1, "y": 1}),
         "Picture.save": (picture.save, {"path": "out.exr", "passes": ["depth"]}),
         "open_picture": (pumice.open_picture, {"path": folder / "p.exr"}),
+        "open_state": (pumice.open_state, {"state": folder / "ng.json", "layer_files": {"a": folder / "v.pumice"}, "size": (8, 8), "job": None}),
         "Picture.pick": (picture.pick, {"x": 1, "y": 1, "volume": volume}),
         "Picture.srgb": (picture.srgb, {"view_transform": "agx"}),
         "cryptomatte_hash": (pumice.cryptomatte_hash, {"name": "a"}),
@@ -188,7 +193,7 @@ NAMES = [
     *["Scene.from_dict", "Scene.from_json", "Scene.load", "Scene.save", "Scene.with_labels", "figure", "figure of some"],
     *["render", "Renderer", "Renderer.render", "Renderer.latest", "Session", "Session.edit", "Session.set_labels"],
     *["Session.add", "Session.add_mesh", "Session.latest", "Session.pick", "Picture.save", "cryptomatte_hash"],
-    *["open_picture", "Picture.pick", "Picture.srgb"],
+    *["open_picture", "open_state", "Picture.pick", "Picture.srgb"],
     *["surface", "count_faces", "export", "agreement", "ReferencePicture", "ReferencePicture.of", "ReferencePicture.judge"],
 ]
 
@@ -222,6 +227,11 @@ def test_wrong_arguments_are_input_errors_in_one_line(made, name, tmp_path, monk
             except Exception as error:
                 raise AssertionError(f"{name}({argument}={what}) raises {type(error).__name__}: {error}") from error
     assert refused > len(HOSTILE) / 3, refused
+
+
+def test_an_unknown_keyword_is_named(tmp_path):
+    with pytest.raises(TypeError, match="unexpected keyword argument 'names'"):
+        pumice.open(tmp_path / "v.npy", names={1: "a"})
 
 
 @pytest.mark.parametrize("spacing", [(0, 1, 1), (5e-324, 1, 1), (1e-200, 1, 1), (1e200, 1, 1), (math.nan, 1, 1), (math.inf, 1, 1), (-1, 1, 1)])

@@ -17,6 +17,7 @@ pub mod label_rows;
 mod legend_rows;
 pub mod live;
 pub mod measure;
+pub mod neuroglancer;
 pub mod npy;
 pub mod open;
 pub mod part_files;

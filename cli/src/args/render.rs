@@ -9,18 +9,22 @@ use pumice_session::values::{bytes, size};
 use super::Reading;
 use super::annotations::AnnotationArgs;
 use super::figure::{Figure, NOT_AGAIN};
-use super::values::{positive, relative};
+use super::values::{layer_file, positive, relative};
 
 /// Path trace a volume or a scene
 ///
-/// A volume is framed and lit automatically; a scene (JSON, docs/scene.md) sets everything itself. Rendering stops at whichever of
+/// A volume is framed and lit automatically; a scene (JSON, docs/scene.md) sets everything itself; a state of Neuroglancer
+/// (docs/neuroglancer.md) says layers, segments, colours and the view. Rendering stops at whichever of
 /// --spp, --time and --error is reached first, or at 64 samples per pixel if none is given. The picture file carries the hash of the
 /// data, the scene and all settings.
 #[derive(Debug, Args)]
 pub(crate) struct Render {
-    /// A .pumice file, any label volume, or a scene (.json)
+    /// A .pumice file, any label volume, a scene (.json), or a state of Neuroglancer (.json, or a link with it)
     #[arg(value_name = "FILE|SCENE.json", required_unless_present = "again")]
     pub(crate) input: Option<PathBuf>,
+    /// Read a layer of a state of Neuroglancer from a copy, in place of where the state says; repeatable
+    #[arg(long, value_name = "NAME=PATH", value_parser = layer_file, conflicts_with = "again")]
+    pub(crate) layer_file: Vec<(String, PathBuf)>,
     /// The picture: .exr (scene-linear, all passes) or .png (8 bit sRGB)
     #[arg(short, long, value_name = "OUT")]
     pub(crate) out: PathBuf,

@@ -1,5 +1,7 @@
 //! Parsers of flag values. Each error says which form was expected. The parsers of sizes and bytes are in `pumice_session::values`.
 
+use std::path::PathBuf;
+
 use pumice_session::LabelTableFormat;
 use pumice_session::values::numbers;
 
@@ -25,6 +27,14 @@ pub(super) fn spacing(text: &str) -> Result<[f64; 3], String> {
 /// A pixel, counted from the upper left: `412,230`.
 pub(super) fn pixel(text: &str) -> Result<[u32; 2], String> {
     numbers(text, ',').ok_or_else(|| "expected a pixel X,Y, counted from the upper left, e.g. 412,230".into())
+}
+
+/// A layer and the path of its copy: `neurons=cortex.pumice`.
+pub(super) fn layer_file(text: &str) -> Result<(String, PathBuf), String> {
+    match text.split_once('=') {
+        Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.into(), path.into())),
+        _ => Err("expected NAME=PATH, e.g. neurons=cortex.pumice".into()),
+    }
 }
 
 /// A number above 0.

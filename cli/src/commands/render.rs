@@ -65,6 +65,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
             }),
             noise_threshold: args.noise_threshold.map(|t| t as f32),
             min_spp: args.min_spp,
+            layer_files: args.layer_file.clone(),
             figure: args.figure.flags(),
         },
         annotations: args.annotate.annotations(),

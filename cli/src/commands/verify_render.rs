@@ -31,6 +31,7 @@ pub(crate) fn run(args: &VerifyRender, job: &Arc<Job>) -> Result<Answer, Failure
         }),
         memory_limit: args.memory_limit,
         overrides: RenderOverrides {
+            layer_files: Vec::new(),
             size: args.size,
             labels: args.labels.clone(),
             bounces: args.bounces,

@@ -83,6 +83,7 @@ pub fn read(path: &Path, options: &OpenOptions) -> Result<(VolumeInfo, Vec<u64>)
 /// Asserts that reading fails with a text that contains every one of `words`.
 pub fn refuse(path: &Path, options: &OpenOptions, words: &[&str]) {
     let error = read(path, options).map(|(info, _)| info.dims).unwrap_err();
+    assert!(!error.contains('\n'), "{error:?}");
     for word in words {
         assert!(error.contains(word), "expected {word:?} in {error:?}");
     }

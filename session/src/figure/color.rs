@@ -22,7 +22,7 @@ pub fn hex_color(text: &str) -> Result<[f32; 3], String> {
 }
 
 /// The linear Rec. 709 colour of a display colour, each channel from 0 to 1.
-pub(super) fn linear(color_srgb: [f32; 3]) -> [f32; 3] {
+pub(crate) fn linear(color_srgb: [f32; 3]) -> [f32; 3] {
     color_srgb.map(|c| linear_from_srgb(f64::from(c.clamp(0.0, 1.0))) as f32)
 }
 

@@ -19,12 +19,12 @@ const KEY_ANGLE_DEG: f64 = 24.0;
 /// Backdrop: bottom and top.
 const BACKDROP: [[f32; 3]; 2] = [[0.78, 0.79, 0.80], [0.93, 0.945, 0.96]];
 
-pub(super) fn world() -> World {
+pub(crate) fn world() -> World {
     World { environment: Environment::Constant { radiance: SKY }, backdrop: Some(BACKDROP) }
 }
 
 /// The key light: from above and behind the camera's left shoulder.
-pub(super) fn key(camera_axes: &DMat3) -> Sun {
+pub(crate) fn key(camera_axes: &DMat3) -> Sun {
     let from: DVec3 = camera_axes.z_axis * 0.55 - camera_axes.x_axis * 0.65 + camera_axes.y_axis * 0.9;
     Sun {
         direction: (-from).to_array(),

@@ -30,10 +30,12 @@ use pumice_core::{CompressedVolume, WorldFrame};
 use pumice_scene::{Film, Filter, Instance, LabelStyle, Reading, SCENE_VERSION, Scene, Settings, Show, Sun};
 
 pub use axis_cut::AxisCut;
+pub(crate) use color::linear;
 pub use color::{Background, LabelColor, hex_color};
 pub use flags::{FigureFlags, distance, view};
 pub use framing::FrameOn;
 pub use lens::{FocusOn, Lens, Opening, SharpAt};
+pub(crate) use light::{key as key_light, world as sky};
 pub use material::{LabelPreset, MaterialPreset};
 pub use selector::Selector;
 pub use style::FigureStyle;

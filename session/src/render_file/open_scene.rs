@@ -1,4 +1,4 @@
-//! Opens a file as a scene with its volumes and meshes: a scene file, or a volume in a scene composed for it.
+//! Opens a file as a scene with its volumes and meshes: a scene file, a state of Neuroglancer, or a volume in a scene composed for it.
 
 use std::path::Path;
 use std::sync::Arc;
@@ -11,6 +11,7 @@ use super::overrides::apply;
 use super::request::RenderOverrides;
 use crate::error::{Result, SessionError, io};
 use crate::figure::{FigureFlags, FigureOptions};
+use crate::neuroglancer::{OpenedState, State, open_state};
 use crate::open::{Kind, Residence, kind_of, open_chosen, open_meshes, open_shown};
 use crate::reading::{options_for, record};
 
@@ -26,7 +27,19 @@ pub(crate) fn is_scene_file(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }
 
-/// Opens a scene file or a volume, with overrides applied. Only labels that are shown are read, where the file allows it.
+/// The state of Neuroglancer that a path stands for, if it does.
+///
+/// # Errors
+/// When the file cannot be read, or is a state with something wrong in it.
+pub(super) fn state_at(path: &Path) -> Result<Option<State>> {
+    if !is_scene_file(path) && !State::is_link(path) {
+        return Ok(None);
+    }
+    let name = if State::is_link(path) { "the link".into() } else { path.display().to_string() };
+    State::at(path).map_err(|e| SessionError::Caller(format!("{name}: {e}")))
+}
+
+/// Opens a scene file, a state of Neuroglancer or a volume, with overrides applied. Only labels that are shown are read, where the file allows it.
 ///
 /// # Errors
 /// One line that says what is wrong with which file or override.
@@ -42,13 +55,39 @@ pub(crate) fn open_scene(
     // Queries, and `pick`, compare all labels, so all are read.
     let only = overrides.labels.clone().map(Show::Only);
     let instead = only.or_else(|| figure.queries().then_some(Show::All));
-    let (mut scene, volumes, meshes) = if is_scene_file(path) {
+    let state = state_at(path)?;
+    let for_scenes = |flag: &str| {
+        let (what, path) =
+            (if state.is_some() { "a state of Neuroglancer" } else { "a scene" }, path.display());
+        Err(wrong(format!("{flag}: {path} is {what}, which says that itself; expected a volume")))
+    };
+    if let (Some((name, _)), None) = (overrides.layer_files.first(), &state) {
+        let path = path.display();
+        return Err(wrong(format!(
+            "layer {name}: {path} is no state of Neuroglancer, which alone has layers"
+        )));
+    }
+    let (mut scene, volumes, meshes) = if let Some(state) = &state {
+        if let Some(flag) = figure.first_for_volumes() {
+            return for_scenes(flag);
+        }
+        if instead.is_some() {
+            return for_scenes("labels, query");
+        }
+        if !State::is_link(path) {
+            reading.outputs.check_input(path)?;
+        }
+        let reading = &OpenOptions { time: overrides.time_step.or(reading.time), ..reading.clone() };
+        let folder = path.parent().filter(|_| !State::is_link(path)).unwrap_or(Path::new(""));
+        let size = overrides.pixels(FigureOptions::DEFAULT_SIZE);
+        let OpenedState { mut scene, volumes } =
+            open_state(state, &overrides.layer_files, (folder, size), (reading, residence), job)?;
+        record(&mut scene, reading);
+        (scene, volumes, Vec::new())
+    } else if is_scene_file(path) {
         reading.outputs.check_input(path)?;
         if let Some(flag) = figure.first_for_volumes() {
-            let path = path.display();
-            return Err(wrong(format!(
-                "{flag}: {path} is a scene, which says that itself; expected a volume"
-            )));
+            return for_scenes(flag);
         }
         let mut scene =
             Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;

@@ -12,7 +12,7 @@ use crate::progressive::Stop;
 /// The subject of a render.
 #[derive(Clone, Debug)]
 pub enum Subject {
-    /// A `.pumice` file, any label volume, or a scene (`.json`).
+    /// A `.pumice` file, any label volume, a scene (`.json`), or a state of Neuroglancer (`.json`, or a link in place of a path).
     File(PathBuf),
     /// An earlier picture, rendered again from the scene that it carries, with as many samples; of the limits only the seconds count.
     Again(PathBuf),
@@ -47,6 +47,8 @@ pub struct RenderOverrides {
     pub noise_threshold: Option<f32>,
     /// Samples that every pixel gets before it may rest.
     pub min_spp: Option<u32>,
+    /// Copies of the layers of a state of Neuroglancer, by name, to be read in place of what the state says.
+    pub layer_files: Vec<(String, PathBuf)>,
     /// Flags of a figure. What only volumes take is refused for a scene.
     pub figure: FigureFlags,
 }

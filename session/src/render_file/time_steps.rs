@@ -7,7 +7,7 @@ use pumice_formats::OpenOptions;
 use pumice_scene::Scene;
 use pumice_transport::LoadedScene;
 
-use super::open_scene::{is_scene_file, set_time_step, time_steps_of};
+use super::open_scene::{is_scene_file, set_time_step, state_at, time_steps_of};
 use super::request::{RenderRequest, Subject};
 use super::turntable::{NumberedPicture, numbered};
 use super::{Ready, in_pool};
@@ -70,6 +70,11 @@ fn count_of(path: &Path, reading: &OpenOptions) -> Result<u64> {
     let refuse =
         |what: String| Err(SessionError::Caller(format!("{}: --time-steps: {what}", path.display())));
     let mut counts: Vec<(PathBuf, u64)> = Vec::new();
+    if state_at(path)?.is_some() {
+        return refuse(
+            "a state of Neuroglancer shows one time step; --save-scene makes a scene of it".into(),
+        );
+    }
     if is_scene_file(path) {
         let scene = Scene::load(path).map_err(|source| SessionError::Scene { path: path.into(), source })?;
         for instance in &scene.instances {

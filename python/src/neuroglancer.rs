@@ -1,0 +1,42 @@
+//! States of Neuroglancer.
+
+use std::path::PathBuf;
+
+use pumice_session::neuroglancer::{self, State};
+use pumice_session::{OpenOptions, Residence};
+use pyo3::prelude::*;
+
+use crate::errors::{IntoException, input};
+use crate::job::{Job, job_of};
+use crate::scene::Scene;
+use crate::volume::Volume;
+use crate::waiting::released;
+
+/// A state of Neuroglancer as a scene, its volumes, and what is left out of it, one line each. It is `text`, JSON or a link, or the content of the file
+/// `path`, from whose folder relative URLs count, as those of a text do from the working folder. `layer_files` has copies of layers.
+#[pyfunction]
+#[pyo3(signature = (text, path, layer_files, size, job=None))]
+pub(crate) fn open_state(
+    py: Python<'_>,
+    text: Option<String>,
+    path: PathBuf,
+    layer_files: Vec<(String, PathBuf)>,
+    size: [u32; 2],
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<(Scene, Vec<Volume>, Vec<String>)> {
+    let state = match text {
+        Some(text) => State::parse(&text).map_err(|e| input(&format_args!("state: {e}")))?,
+        None => State::at(&path)
+            .and_then(|state| state.ok_or_else(|| "expected a state of Neuroglancer, got another file".into()))
+            .map_err(|e| input(&format_args!("{}: {e}", path.display())))?,
+    };
+    let folder = path.parent().unwrap_or(&path);
+    let reading = OpenOptions::default();
+    let job = job_of(job);
+    let opened = released(py, &job, || {
+        neuroglancer::open_state(&state, &layer_files, (folder, size), (&reading, Residence::Copied), &job)
+    })?;
+    opened.scene.validate().map_err(IntoException::into_exception)?;
+    let volumes = opened.volumes.into_iter().map(Volume).collect();
+    Ok((Scene(opened.scene), volumes, reading.warnings.list()))
+}

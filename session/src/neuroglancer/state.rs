@@ -1,0 +1,447 @@
+//! Reads what of a state matters for a picture.
+
+use std::collections::{BTreeMap, BTreeSet};
+use std::fmt;
+use std::path::Path;
+
+use glam::DQuat;
+use serde::Deserialize;
+use serde::de::{Deserializer, MapAccess, Visitor};
+use serde_json::Value;
+
+use super::source::unescaped;
+use crate::figure::hex_color;
+
+/// Largest state that is read: some MB hold a million segments.
+pub(super) const MOST_BYTES: u64 = 256 << 20;
+
+/// The axes that Neuroglancer displays unless it is told others.
+const AXES: [&str; 3] = ["x", "y", "z"];
+
+/// A state of Neuroglancer, as far as a picture shows it.
+#[derive(Clone, Debug, PartialEq)]
+pub struct State {
+    /// Metres of one step along x, y and z.
+    pub(super) metres: [f64; 3],
+    /// How much longer than that the steps are drawn.
+    pub(super) stretch: [f64; 3],
+    /// What the view turns around, in steps.
+    pub(super) position: Option<[f64; 3]>,
+    /// From the view, x right, y down, z away, to the volume.
+    pub(super) orientation: DQuat,
+    /// Height of the picture at the position, in metres as they are drawn.
+    pub(super) height_metres: Option<f64>,
+    pub(super) is_orthographic: bool,
+    /// Display colour behind everything, sRGB-encoded.
+    pub(super) background_srgb: Option<[f32; 3]>,
+    pub(super) layers: Vec<Layer>,
+    /// What a picture does not show of the state, a line each.
+    pub(super) left_out: Vec<String>,
+}
+
+/// A layer of segments that are shown.
+#[derive(Clone, Debug, PartialEq)]
+pub(super) struct Layer {
+    pub(super) name: String,
+    pub(super) url: String,
+    /// The shown segments, and of those that are joined the lowest, whose colour all have.
+    pub(super) segments: BTreeMap<u64, u64>,
+    /// Display colours of segments, sRGB-encoded, by id.
+    pub(super) colors_srgb: BTreeMap<u64, [f32; 3]>,
+    pub(super) common_srgb: Option<[f32; 3]>,
+    pub(super) seed: u32,
+    pub(super) saturation: f32,
+    pub(super) alpha: f32,
+}
+
+impl State {
+    /// Reads a state: JSON, or a link in which it stands after `#!`.
+    ///
+    /// # Errors
+    /// One line that names the field.
+    pub fn parse(text: &str) -> Result<Self, String> {
+        let json = match link(text) {
+            Some(part) => state_of_link(part)?,
+            None => text.to_owned(),
+        };
+        let raw: RawState = serde_json::from_str(&json).map_err(|e| e.to_string())?;
+        raw.state()
+    }
+
+    /// Whether a text may be a state: a link, or a JSON object with layers and without what a scene has.
+    pub fn is_one(text: &str) -> bool {
+        #[derive(Deserialize)]
+        struct Some {
+            version: Option<Value>,
+            instances: Option<Value>,
+            layers: Option<Value>,
+        }
+        link(text).is_some()
+            || serde_json::from_str::<Some>(text)
+                .is_ok_and(|s| s.layers.is_some() && s.version.is_none() && s.instances.is_none())
+    }
+
+    /// Whether a path is a link in place of one.
+    pub fn is_link(path: &Path) -> bool {
+        path.to_str().is_some_and(|text| link(text).is_some())
+    }
+
+    /// The state that a path stands for: a link in place of a path, or a file with one; `None` for any other file.
+    ///
+    /// # Errors
+    /// When the file cannot be read, and as [`State::parse`].
+    pub fn at(path: &Path) -> Result<Option<Self>, String> {
+        let text = match path.to_str().filter(|text| link(text).is_some()) {
+            Some(text) => text.to_owned(),
+            None => {
+                match String::from_utf8(pumice_core::read_input(path, MOST_BYTES).map_err(|e| e.to_string())?)
+                {
+                    Ok(text) => text,
+                    Err(_) => return Ok(None),
+                }
+            }
+        };
+        if Self::is_one(&text) { Self::parse(&text).map(Some) } else { Ok(None) }
+    }
+}
+
+/// What follows `#!` in a link.
+pub(super) fn link(text: &str) -> Option<&str> {
+    let text = text.trim();
+    let (place, state) = text.split_once("#!")?;
+    (place.starts_with("http://") || place.starts_with("https://")).then_some(state)
+}
+
+fn state_of_link(part: &str) -> Result<String, String> {
+    let text = unescaped(part).ok_or("link: expected Unicode behind #!")?;
+    if text.trim_start().starts_with('{') {
+        return Ok(text);
+    }
+    let short: String = text.chars().take(80).collect();
+    Err(format!("link: the state lies on a server, at {short}: save it as JSON, and give the file"))
+}
+
+/// A JSON object whose members keep their order.
+#[derive(Debug)]
+struct InOrder<T>(Vec<(String, T)>);
+
+impl<'de, T: Deserialize<'de>> Deserialize<'de> for InOrder<T> {
+    fn deserialize<D: Deserializer<'de>>(deserializer: D) -> Result<Self, D::Error> {
+        struct Members<T>(std::marker::PhantomData<T>);
+        impl<'de, T: Deserialize<'de>> Visitor<'de> for Members<T> {
+            type Value = InOrder<T>;
+
+            fn expecting(&self, f: &mut fmt::Formatter<'_>) -> fmt::Result {
+                f.write_str("an object")
+            }
+
+            fn visit_map<A: MapAccess<'de>>(self, mut map: A) -> Result<InOrder<T>, A::Error> {
+                let mut members = Vec::new();
+                while let Some(member) = map.next_entry()? {
+                    members.push(member);
+                }
+                Ok(InOrder(members))
+            }
+        }
+        deserializer.deserialize_map(Members(std::marker::PhantomData))
+    }
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct RawState {
+    dimensions: Option<InOrder<(f64, String)>>,
+    #[serde(default)]
+    relative_display_scales: BTreeMap<String, f64>,
+    display_dimensions: Option<Vec<String>>,
+    position: Option<Vec<f64>>,
+    projection_orientation: Option<[f64; 4]>,
+    projection_scale: Option<f64>,
+    projection_background_color: Option<String>,
+    layout: Option<Value>,
+    layers: RawLayers,
+    // What states had before 2019.
+    navigation: Option<RawNavigation>,
+    perspective_orientation: Option<[f64; 4]>,
+    perspective_zoom: Option<f64>,
+    perspective_view_background_color: Option<String>,
+}
+
+#[derive(Debug, Deserialize)]
+struct RawNavigation {
+    pose: Option<RawPose>,
+}
+
+#[derive(Debug, Deserialize)]
+struct RawPose {
+    position: Option<RawPosition>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct RawPosition {
+    /// In nanometres.
+    voxel_size: Option<[f64; 3]>,
+    voxel_coordinates: Option<[f64; 3]>,
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(untagged)]
+enum RawLayers {
+    List(Vec<RawLayer>),
+    ByName(InOrder<RawLayer>),
+}
+
+#[derive(Debug, Deserialize)]
+#[serde(rename_all = "camelCase")]
+struct RawLayer {
+    name: Option<String>,
+    #[serde(rename = "type")]
+    kind: Option<String>,
+    source: Option<Value>,
+    visible: Option<bool>,
+    archived: Option<bool>,
+    segments: Option<Vec<Value>>,
+    #[serde(default)]
+    segment_colors: BTreeMap<String, String>,
+    segment_default_color: Option<String>,
+    color_seed: Option<f64>,
+    saturation: Option<f32>,
+    object_alpha: Option<f32>,
+    #[serde(default)]
+    equivalences: Vec<Vec<Value>>,
+    linked_segmentation_group: Option<String>,
+}
+
+impl RawState {
+    fn state(self) -> Result<State, String> {
+        let (metres, stretch, axes) = self.steps()?;
+        let legacy = self.navigation.as_ref().and_then(|n| n.pose.as_ref()).and_then(|p| p.position.as_ref());
+        let position = match &self.position {
+            Some(place) => Some(axes.map(|at| place.get(at).copied().unwrap_or(f64::NAN))),
+            None => legacy.and_then(|p| p.voxel_coordinates),
+        };
+        if position.is_some_and(|place| place.iter().any(|c| !c.is_finite())) {
+            return Err("position: expected a number for each of the dimensions".into());
+        }
+        let quaternion =
+            self.projection_orientation.or(self.perspective_orientation).unwrap_or([0.0, 0.0, 0.0, 1.0]);
+        let orientation = DQuat::from_array(quaternion);
+        if !(orientation.length() > 0.0 && orientation.is_finite()) {
+            return Err(format!("projectionOrientation: expected a rotation, got {quaternion:?}"));
+        }
+        // A step of the shortest axis as it is drawn.
+        let unit = (0..3).map(|a| metres[a] * stretch[a]).fold(f64::INFINITY, f64::min);
+        let old_zoom = |zoom: f64| 200.0 * (std::f64::consts::PI / 8.0).tan() * 1e-9 * zoom;
+        let height_metres =
+            self.projection_scale.map(|scale| scale * unit).or(self.perspective_zoom.map(old_zoom));
+        if height_metres.is_some_and(|height| !(height > 0.0 && height.is_finite())) {
+            return Err("projectionScale: expected a number above 0".into());
+        }
+        let background = self.projection_background_color.or(self.perspective_view_background_color);
+        let background_srgb = background.map(|text| color("projectionBackgroundColor", &text)).transpose()?;
+        let orthographic = self.layout.as_ref().and_then(|layout| layout.get("orthographicProjection"));
+        let mut left_out = Vec::new();
+        let layers = layers(self.layers, &mut left_out)?;
+        Ok(State {
+            metres,
+            stretch,
+            position,
+            orientation: orientation.normalize(),
+            height_metres,
+            is_orthographic: orthographic.and_then(Value::as_bool).unwrap_or(false),
+            background_srgb,
+            layers,
+            left_out,
+        })
+    }
+
+    /// Metres of a step along x, y, z, how much longer they are drawn, and which of the state's dimensions they are.
+    fn steps(&self) -> Result<([f64; 3], [f64; 3], [usize; 3]), String> {
+        if self.display_dimensions.as_ref().is_some_and(|axes| *axes != AXES) {
+            return Err("displayDimensions: expected x, y, z; other views are not drawn".into());
+        }
+        let Some(InOrder(dimensions)) = &self.dimensions else {
+            let legacy =
+                self.navigation.as_ref().and_then(|n| n.pose.as_ref()?.position.as_ref()?.voxel_size);
+            let Some(nanometres) = legacy else {
+                return Err("dimensions: expected the lengths of x, y and z, got none".into());
+            };
+            return Ok((lengths(nanometres.map(|n| 1e-9 * n))?, [1.0; 3], [0, 1, 2]));
+        };
+        let mut places = [0; 3];
+        let mut metres = [0.0; 3];
+        for (a, axis) in AXES.iter().enumerate() {
+            let place = dimensions.iter().position(|(name, _)| name == axis);
+            places[a] =
+                place.ok_or_else(|| format!("dimensions: expected x, y and z, and there is no {axis}"))?;
+            let (scale, unit) = &dimensions[places[a]].1;
+            metres[a] = scale * metres_of(unit)?;
+        }
+        let stretch = AXES.map(|axis| self.relative_display_scales.get(axis).copied().unwrap_or(1.0));
+        Ok((lengths(metres)?, lengths(stretch)?, places))
+    }
+}
+
+fn lengths(lengths: [f64; 3]) -> Result<[f64; 3], String> {
+    match lengths.iter().all(|&l| l > 0.0 && l.is_finite()) {
+        true => Ok(lengths),
+        false => Err(format!("dimensions: expected lengths above 0, got {lengths:?}")),
+    }
+}
+
+/// Metres of a unit of length.
+fn metres_of(unit: &str) -> Result<f64, String> {
+    match unit {
+        // Without a unit only proportions count.
+        "m" | "" => Ok(1.0),
+        "mm" => Ok(1e-3),
+        "um" | "µm" => Ok(1e-6),
+        "nm" => Ok(1e-9),
+        _ => Err(format!("dimensions: expected a length in m, got one in {unit:?}")),
+    }
+}
+
+fn color(field: &str, text: &str) -> Result<[f32; 3], String> {
+    hex_color(text).map_err(|e| format!("{field}: {e}"))
+}
+
+fn layers(raw: RawLayers, left_out: &mut Vec<String>) -> Result<Vec<Layer>, String> {
+    let raw: Vec<(String, RawLayer)> = match raw {
+        RawLayers::List(list) => list
+            .into_iter()
+            .enumerate()
+            .map(|(i, layer)| (layer.name.clone().unwrap_or_else(|| format!("layer {i}")), layer))
+            .collect(),
+        RawLayers::ByName(InOrder(members)) => members,
+    };
+    let mut layers = Vec::new();
+    for (name, layer) in &raw {
+        // Before there were types, a layer with segments was one of them.
+        let is_segmentation = layer.kind.as_deref() == Some("segmentation")
+            || (layer.kind.is_none() && layer.segments.is_some());
+        if layer.visible == Some(false) || layer.archived == Some(true) {
+            continue;
+        }
+        if !is_segmentation {
+            let kind = layer.kind.as_deref().unwrap_or("no type");
+            left_out.push(format!("layer {name} is left out: {kind}, not segmentation"));
+            continue;
+        }
+        // A linked layer has the segments of the other, and its own colours.
+        let chosen = match &layer.linked_segmentation_group {
+            None => layer,
+            Some(other) => {
+                raw.iter().find(|(name, _)| name == other).map(|(_, layer)| layer).ok_or_else(|| {
+                    format!("layer {name}: there is no layer {other}, with which it is linked")
+                })?
+            }
+        };
+        let segments = shown(name, chosen)?;
+        if segments.is_empty() {
+            left_out.push(format!("layer {name} is left out: no segment is chosen"));
+            continue;
+        }
+        layers.push(Layer {
+            url: url(name, layer.source.as_ref())?,
+            segments,
+            colors_srgb: layer
+                .segment_colors
+                .iter()
+                .map(|(id, text)| {
+                    Ok((self::id(name, id)?, color(&format!("layer {name}: segmentColors"), text)?))
+                })
+                .collect::<Result<_, String>>()?,
+            common_srgb: layer
+                .segment_default_color
+                .as_deref()
+                .map(|text| color(&format!("layer {name}: segmentDefaultColor"), text))
+                .transpose()?,
+            seed: layer.color_seed.unwrap_or(0.0) as u32,
+            saturation: layer.saturation.unwrap_or(1.0).clamp(0.0, 1.0),
+            alpha: layer.object_alpha.unwrap_or(1.0).clamp(0.0, 1.0),
+            name: name.clone(),
+        });
+    }
+    Ok(layers)
+}
+
+fn id(layer: &str, text: &str) -> Result<u64, String> {
+    text.parse().map_err(|_| format!("layer {layer}: expected the id of a segment, got {text:?}"))
+}
+
+fn id_of(layer: &str, value: &Value) -> Result<u64, String> {
+    match value {
+        Value::String(text) => id(layer, text),
+        _ => {
+            value.as_u64().ok_or_else(|| format!("layer {layer}: expected the id of a segment, got {value}"))
+        }
+    }
+}
+
+/// The segments that a layer shows, with those that are joined to them: each with the lowest of its own, whose colour it has.
+fn shown(name: &str, layer: &RawLayer) -> Result<BTreeMap<u64, u64>, String> {
+    // Sets of segments that are joined, by member.
+    let mut set_of: BTreeMap<u64, usize> = BTreeMap::new();
+    let mut sets: Vec<BTreeSet<u64>> = Vec::new();
+    for joined in &layer.equivalences {
+        let mut whole: BTreeSet<u64> = joined.iter().map(|v| id_of(name, v)).collect::<Result<_, _>>()?;
+        let others: BTreeSet<usize> = whole.iter().filter_map(|id| set_of.get(id).copied()).collect();
+        for other in others {
+            whole.append(&mut sets[other]);
+        }
+        set_of.extend(whole.iter().map(|&id| (id, sets.len())));
+        sets.push(whole);
+    }
+    let mut segments = BTreeMap::new();
+    for value in layer.segments.iter().flatten() {
+        // Segments behind an exclamation mark are listed, and not shown.
+        if value.as_str().is_some_and(|text| text.starts_with('!')) {
+            continue;
+        }
+        let id = id_of(name, value)?;
+        match set_of.get(&id).map(|&set| &sets[set]) {
+            Some(set) => {
+                let lowest = set.first().copied().unwrap_or(id);
+                segments.extend(set.iter().map(|&member| (member, lowest)));
+            }
+            None => {
+                segments.insert(id, id);
+            }
+        }
+    }
+    // 0 is what no segment has.
+    segments.remove(&0);
+    Ok(segments)
+}
+
+/// The URL of a layer's volume: that of its first source.
+fn url(layer: &str, source: Option<&Value>) -> Result<String, String> {
+    let first = match source {
+        Some(Value::Array(list)) => list.first(),
+        other => other,
+    };
+    let wrong = || format!("layer {layer}: source: expected a URL");
+    match first.ok_or_else(wrong)? {
+        Value::String(url) => Ok(url.clone()),
+        Value::Object(fields) => {
+            let placed =
+                fields.get("transform").is_some_and(|t| t.get("matrix").is_some_and(|m| !is_identity(m)));
+            if placed {
+                return Err(format!(
+                    "layer {layer}: source: expected a volume without a transform, which is not drawn"
+                ));
+            }
+            fields.get("url").and_then(Value::as_str).map(str::to_owned).ok_or_else(wrong)
+        }
+        _ => Err(wrong()),
+    }
+}
+
+fn is_identity(matrix: &Value) -> bool {
+    let rows = matrix.as_array().map_or(&[][..], |rows| rows);
+    rows.iter().enumerate().all(|(r, row)| {
+        let row = row.as_array().map_or(&[][..], |row| row);
+        row.iter().enumerate().all(|(c, v)| v.as_f64() == Some(if r == c { 1.0 } else { 0.0 }))
+    })
+}
