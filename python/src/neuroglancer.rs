@@ -27,7 +27,9 @@ pub(crate) fn open_state(
     let state = match text {
         Some(text) => State::parse(&text).map_err(|e| input(&format_args!("state: {e}")))?,
         None => State::at(&path)
-            .and_then(|state| state.ok_or_else(|| "expected a state of Neuroglancer, got another file".into()))
+            .and_then(|state| {
+                state.ok_or_else(|| "expected a state of Neuroglancer, got another file".into())
+            })
             .map_err(|e| input(&format_args!("{}: {e}", path.display())))?,
     };
     let folder = path.parent().unwrap_or(&path);
