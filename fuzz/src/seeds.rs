@@ -253,3 +253,29 @@ pub fn pictures() -> Vec<Vec<u8>> {
     }
     seeds
 }
+
+/// HDF5 files of a few kB: without chunks, and with chunks under each filter, of the first and of the newest version of the format.
+pub fn hdf5_files() -> Vec<Vec<u8>> {
+    [
+        include_bytes!("../seeds/plain.h5").as_slice(),
+        include_bytes!("../seeds/gzip.h5"),
+        include_bytes!("../seeds/lzf.h5"),
+        include_bytes!("../seeds/latest.h5"),
+        include_bytes!("../seeds/scaleoffset.h5"),
+        include_bytes!("../seeds/groups.h5"),
+    ]
+    .map(<[u8]>::to_vec)
+    .into()
+}
+
+/// Tables of pairs of ids: text with each delimiter, and an array.
+pub fn relabel_tables() -> Vec<Vec<u8>> {
+    let header = "{'descr': '<u8', 'fortran_order': False, 'shape': (2, 2), }";
+    let head = format!("{header:117}\n");
+    let pairs: Vec<u8> = [1u64, 7, 2, 7].iter().flat_map(|id| id.to_le_bytes()).collect();
+    vec![
+        b"supervoxel,segment\n1,7\n2,7\n".to_vec(),
+        b"# pairs\n1\t18446744073709551615\n3;0\n4 5\n".to_vec(),
+        [b"\x93NUMPY\x01\0v\0".as_slice(), head.as_bytes(), &pairs].concat(),
+    ]
+}

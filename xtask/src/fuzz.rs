@@ -11,12 +11,15 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
 /// Names of the targets, which are the files in `fuzz/targets`.
-const TARGETS: [&str; 8] = [
+const TARGETS: [&str; 11] = [
     "pumice_file",
     "pumice_sections",
     "label_volume",
     "label_table",
     "raw_volume",
+    "store",
+    "hdf5_file",
+    "relabel_table",
     "scene_json",
     "picture",
     "carried_scene",
