@@ -223,6 +223,10 @@ def steps():
     yield 1.0
     assert shown() is not None and shown().sent.placed == {}
     shot("deleted")
+
+    import window_series
+
+    yield from window_series.steps(sys.modules[EXTENSION], OUT, window, area, shown, converged, until, input_events, shot)
     bpy.ops.wm.read_homefile(use_factory_startup=True)
     yield 1.0
 

@@ -76,7 +76,9 @@ pub fn seeds() -> Vec<Vec<u8>> {
     seeds.push(input(0, &v2("<u2", r#"{"id":"gzip","level":1}"#, "C"), &gzip));
     seeds.push(input(0, &v2("<u2", r#"{"id":"zstd","level":1}"#, "C"), &zstd));
     // A frame of c-blosc that holds its bytes as they are: version 2, flag 2 (a copy), elements of 2 bytes.
-    let blosc = [&[2, 1, 2, 2][..], &128u32.to_le_bytes(), &128u32.to_le_bytes(), &144u32.to_le_bytes(), &plain].concat();
+    let blosc =
+        [&[2, 1, 2, 2][..], &128u32.to_le_bytes(), &128u32.to_le_bytes(), &144u32.to_le_bytes(), &plain]
+            .concat();
     let by = r#"{"id":"blosc","cname":"lz4","clevel":5,"shuffle":1,"blocksize":0}"#;
     seeds.push(input(0, &v2("<u2", by, "C"), &blosc));
     let v3 = |shape: &str, codecs: &str| {
@@ -88,15 +90,22 @@ pub fn seeds() -> Vec<Vec<u8>> {
     let with = |codec: &str| v3("[4,4,4]", &format!("[{bytes},{codec}]"));
     seeds.push(input(1, &with(r#"{"name":"gzip","configuration":{"level":1}}"#), &gzip));
     seeds.push(input(1, &with(r#"{"name":"zstd","configuration":{"level":1,"checksum":false}}"#), &zstd));
-    seeds.push(input(1, &v3("[4,4,4]", &format!(r#"[{{"name":"transpose","configuration":{{"order":[2,0,1]}}}},{bytes}]"#)), &plain));
+    seeds.push(input(
+        1,
+        &v3("[4,4,4]", &format!(r#"[{{"name":"transpose","configuration":{{"order":[2,0,1]}}}},{bytes}]"#)),
+        &plain,
+    ));
     // A shard of 2 × 2 × 2 chunks, of which one is there, and no checksum of the index, so that changes of it are read.
     let sharding = format!(
         r#"[{{"name":"sharding_indexed","configuration":{{"chunk_shape":[2,2,2],"codecs":[{bytes}],"index_codecs":[{bytes}],"index_location":"end"}}}}]"#
     );
-    let index: Vec<u8> = [[0, 16], [u64::MAX; 2]].iter().cycle().take(8).flatten().flat_map(|n| n.to_le_bytes()).collect();
+    let index: Vec<u8> =
+        [[0, 16], [u64::MAX; 2]].iter().cycle().take(8).flatten().flat_map(|n| n.to_le_bytes()).collect();
     seeds.push(input(1, &v3("[4,4,4]", &sharding), &[&plain[..16], &index].concat()));
     let n5 = |compression: &str| {
-        format!(r#"{{"dimensions":[4,4,4],"blockSize":[4,4,4],"dataType":"uint16","compression":{compression},"pixelResolution":[4,4,40]}}"#)
+        format!(
+            r#"{{"dimensions":[4,4,4],"blockSize":[4,4,4],"dataType":"uint16","compression":{compression},"pixelResolution":[4,4,40]}}"#
+        )
     };
     let header = [&0u16.to_be_bytes()[..], &3u16.to_be_bytes(), &[0, 0, 0, 4].repeat(3)].concat();
     for (compression, data) in [
@@ -123,7 +132,12 @@ pub fn seeds() -> Vec<Vec<u8>> {
     seeds.push(input(3, &precomputed("uint16", compresso), include_bytes!("../seeds/chunk.cpso")));
     let sharding = r#""encoding":"raw","sharding":{"@type":"neuroglancer_uint64_sharded_v1","preshift_bits":0,"hash":"identity","minishard_bits":0,"shard_bits":0,"minishard_index_encoding":"raw","data_encoding":"raw"}"#;
     // The pair of the index, the chunk, and the index: id, begin, size.
-    let shard = [&[128u64, 152].map(u64::to_le_bytes).concat()[..], &plain, &[0u64, 0, 128].map(u64::to_le_bytes).concat()].concat();
+    let shard = [
+        &[128u64, 152].map(u64::to_le_bytes).concat()[..],
+        &plain,
+        &[0u64, 0, 128].map(u64::to_le_bytes).concat(),
+    ]
+    .concat();
     seeds.push(input(3, &precomputed("uint16", sharding), &shard));
     let image = r#"{"multiscales":[{"version":"0.4","axes":[{"name":"z","type":"space","unit":"micrometer"},{"name":"y","type":"space"},{"name":"x","type":"space"}],"datasets":[{"path":"0","coordinateTransformations":[{"type":"scale","scale":[4,1,1]},{"type":"translation","translation":[1,2,3]}]}]}],"image-label":{"colors":[{"label-value":3,"rgba":[1,2,3,4]}],"properties":[{"label-value":3,"name":"a"}]}}"#;
     seeds.push(input(4, image, &plain));

@@ -2,7 +2,7 @@
 ladder does, and value by value. It uses fewer samples and pixels than the comparison with Cycles, because most of the time goes into
 compiling for a device that computes on the CPU. Each rung compiles shaders for just what it needs.
 
-An ordinary run takes a sixteenth of the pairs of rung and hardware backend, which changes daily; `--full` takes all, and compute shaders too,
+An ordinary run takes a 28th of the pairs of rung and hardware backend, which changes daily; `--full` takes all, and compute shaders too,
 which `vulkan-renderer/tests/radiance` compares with the CPU daily. Rungs whose file says that they await something are left out.
 """
 

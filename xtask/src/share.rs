@@ -5,8 +5,8 @@
 
 use std::time::{SystemTime, UNIX_EPOCH};
 
-/// Number of slices.
-pub(crate) const SHARES: u64 = 16;
+/// Number of slices: four weeks.
+pub(crate) const SHARES: u64 = 28;
 
 /// Today's share (UTC).
 pub(crate) fn of_today() -> u64 {
@@ -38,13 +38,13 @@ mod tests {
 
     #[test]
     fn every_name_has_its_turn_exactly_once() {
-        let listing: String = (0..100).map(|i| format!("module::test_{i}: test\n")).collect();
-        let listing = listing + "\n100 tests, 0 benchmarks\n";
+        let listing: String = (0..400).map(|i| format!("module::test_{i}: test\n")).collect();
+        let listing = listing + "\n400 tests, 0 benchmarks\n";
         let turns: Vec<Vec<String>> = (0..SHARES).map(|k| names_in(&listing, k)).collect();
         let mut all: Vec<&String> = turns.iter().flatten().collect();
         all.sort();
         all.dedup();
-        assert_eq!((all.len(), turns.iter().map(Vec::len).sum::<usize>()), (100, 100));
+        assert_eq!((all.len(), turns.iter().map(Vec::len).sum::<usize>()), (400, 400));
         assert!(turns.iter().all(|t| !t.is_empty()));
     }
 
