@@ -613,9 +613,10 @@ def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsInde
     given, only these are read from a `.pumice` file.
     """
 
-def open_state(text: str, folder: str | PathLike[str], layers: SupportsGetItem[int, tuple[str, str | PathLike[str]]], size: SupportsLenAndGetItem[SupportsIndex], job: Job | None = None) -> tuple[Scene, list[Volume], list[str]]:
+def open_state(text: str | None, path: str | PathLike[str], layer_files: SupportsGetItem[int, tuple[str, str | PathLike[str]]], size: SupportsLenAndGetItem[SupportsIndex], job: Job | None = None) -> tuple[Scene, list[Volume], list[str]]:
     """
-    A state of Neuroglancer as a scene, its volumes, and what is left out of it, one line each. Relative URLs count from `folder`; `layers` has copies.
+    A state of Neuroglancer as a scene, its volumes, and what is left out of it, one line each. It is `text`, JSON or a link, or the content of the file
+    `path`, from whose folder relative URLs count, as those of a text do from the working folder. `layer_files` has copies of layers.
     """
 
 def probe(path: str | PathLike[str], *, query: str | None = None, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> str:

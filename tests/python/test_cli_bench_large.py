@@ -41,4 +41,4 @@ def test_what_cannot_be_is_refused(pumice, tmp_path):
     line = run(pumice, "bench", "large", tmp_path / "missing.npy").refused()
     assert "missing.npy" in line, line
     line = run(pumice, "bench", "large", tmp_path / "v.npy", "--memory-limit", "1").refused()
-    assert "ended with" in line and "too small" in line, line
+    assert "ended with" in line and "40 is more than the limit of 1" in line, line

@@ -77,6 +77,7 @@ OPTIONS = {
         **dict.fromkeys(["--dpi", "--scale-bar", "--legend"], "with --again"),
         "--scale-bar-corner": "with --again, and without --scale-bar",
         "--source": "without --again",
+        "--layer-file": "with --again, for volumes and scenes, and for layers that a state does not show",
         **READING,
     },
     "verify-render": {
