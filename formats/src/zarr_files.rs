@@ -119,7 +119,7 @@ mod tests {
     fn ranges_beyond_the_file_are_errors() {
         let path = std::env::temp_dir().join(format!("pumice-ranges-{}", std::process::id()));
         std::fs::write(&path, [1, 2, 3]).unwrap();
-        let mut read = |range| part(&mut File::open(&path).unwrap(), 3, range);
+        let read = |range| part(&mut File::open(&path).unwrap(), 3, range);
         assert_eq!(read(ByteRange::FromStart(1, Some(2))).unwrap().as_ref(), [2, 3]);
         assert_eq!(read(ByteRange::FromStart(1, None)).unwrap().as_ref(), [2, 3]);
         assert_eq!(read(ByteRange::Suffix(1)).unwrap().as_ref(), [3]);

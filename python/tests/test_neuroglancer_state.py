@@ -263,6 +263,7 @@ def test_the_command_draws_states_and_links(command, stored, tmp_path):
         ({"projectionScale": -1}, "projectionScale: expected a number above 0"),
         ({"projectionBackgroundColor": "mauve"}, "projectionBackgroundColor: expected a colour"),
         ({"layers": []}, "expected a layer of segments"),
+        ({"layers": 3}, "layers: expected a list"),
     ],
 )
 def test_wrong_states_are_refused(stored, changes, expected):
@@ -274,6 +275,7 @@ def test_wrong_states_are_refused(stored, changes, expected):
     ("changes", "expected"),
     [
         ({"segments": ["eleven"]}, "expected the id of a segment"),
+        ({"segments": {"11": True}}, "layer cells: invalid type: map, expected a sequence"),
         ({"segments": ["-3"]}, "expected the id of a segment"),
         ({"segments": [str(2**64)]}, "expected the id of a segment"),
         ({"segments": ["98", "99"]}, "it has none of the 2 segments, such as 98"),

@@ -222,7 +222,7 @@ fn style(layer: &Layer, ids: &[u64]) -> std::result::Result<LabelStyle, SceneErr
     let material = Material { alpha: layer.alpha, ..MaterialPreset::Plastic.material() };
     let group = LabelGroup::new(material, ids.to_vec(), ids.iter().map(color).collect())?;
     Ok(LabelStyle {
-        show: Show::Only(ids.iter().copied().collect()),
+        show: Show::Only(ids.to_vec()),
         material,
         auto_color: false,
         groups: LabelGroups::new(vec![group])?,

@@ -71,14 +71,14 @@ impl State {
     /// Whether a text may be a state: a link, or a JSON object with layers and without what a scene has.
     pub fn is_one(text: &str) -> bool {
         #[derive(Deserialize)]
-        struct Some {
+        struct Members {
             version: Option<Value>,
             instances: Option<Value>,
             layers: Option<Value>,
         }
         link(text).is_some()
-            || serde_json::from_str::<Some>(text)
-                .is_ok_and(|s| s.layers.is_some() && s.version.is_none() && s.instances.is_none())
+            || serde_json::from_str::<Members>(text)
+                .is_ok_and(|m| m.layers.is_some() && m.version.is_none() && m.instances.is_none())
     }
 
     /// Whether a path is a link in place of one.
@@ -159,7 +159,8 @@ struct RawState {
     projection_scale: Option<f64>,
     projection_background_color: Option<String>,
     layout: Option<Value>,
-    layers: RawLayers,
+    /// A list, or by name.
+    layers: Value,
     // What states had before 2019.
     navigation: Option<RawNavigation>,
     perspective_orientation: Option<[f64; 4]>,
@@ -186,16 +187,8 @@ struct RawPosition {
 }
 
 #[derive(Debug, Deserialize)]
-#[serde(untagged)]
-enum RawLayers {
-    List(Vec<RawLayer>),
-    ByName(InOrder<RawLayer>),
-}
-
-#[derive(Debug, Deserialize)]
 #[serde(rename_all = "camelCase")]
 struct RawLayer {
-    name: Option<String>,
     #[serde(rename = "type")]
     kind: Option<String>,
     source: Option<Value>,
@@ -213,12 +206,21 @@ struct RawLayer {
     linked_segmentation_group: Option<String>,
 }
 
+/// Steps along x, y and z.
+struct Steps {
+    metres: [f64; 3],
+    /// How much longer they are drawn.
+    stretch: [f64; 3],
+    /// Which of the state's dimensions they are.
+    places: [usize; 3],
+}
+
 impl RawState {
     fn state(self) -> Result<State, String> {
-        let (metres, stretch, axes) = self.steps()?;
+        let Steps { metres, stretch, places } = self.steps()?;
         let legacy = self.navigation.as_ref().and_then(|n| n.pose.as_ref()).and_then(|p| p.position.as_ref());
         let position = match &self.position {
-            Some(place) => Some(axes.map(|at| place.get(at).copied().unwrap_or(f64::NAN))),
+            Some(place) => Some(places.map(|at| place.get(at).copied().unwrap_or(f64::NAN))),
             None => legacy.and_then(|p| p.voxel_coordinates),
         };
         if position.is_some_and(|place| place.iter().any(|c| !c.is_finite())) {
@@ -256,8 +258,7 @@ impl RawState {
         })
     }
 
-    /// Metres of a step along x, y, z, how much longer they are drawn, and which of the state's dimensions they are.
-    fn steps(&self) -> Result<([f64; 3], [f64; 3], [usize; 3]), String> {
+    fn steps(&self) -> Result<Steps, String> {
         if self.display_dimensions.as_ref().is_some_and(|axes| *axes != AXES) {
             return Err("displayDimensions: expected x, y, z; other views are not drawn".into());
         }
@@ -267,7 +268,8 @@ impl RawState {
             let Some(nanometres) = legacy else {
                 return Err("dimensions: expected the lengths of x, y and z, got none".into());
             };
-            return Ok((lengths(nanometres.map(|n| 1e-9 * n))?, [1.0; 3], [0, 1, 2]));
+            let metres = lengths(nanometres.map(|n| 1e-9 * n))?;
+            return Ok(Steps { metres, stretch: [1.0; 3], places: [0, 1, 2] });
         };
         let mut places = [0; 3];
         let mut metres = [0.0; 3];
@@ -279,7 +281,7 @@ impl RawState {
             metres[a] = scale * metres_of(unit)?;
         }
         let stretch = AXES.map(|axis| self.relative_display_scales.get(axis).copied().unwrap_or(1.0));
-        Ok((lengths(metres)?, lengths(stretch)?, places))
+        Ok(Steps { metres: lengths(metres)?, stretch: lengths(stretch)?, places })
     }
 }
 
@@ -306,15 +308,26 @@ fn color(field: &str, text: &str) -> Result<[f32; 3], String> {
     hex_color(text).map_err(|e| format!("{field}: {e}"))
 }
 
-fn layers(raw: RawLayers, left_out: &mut Vec<String>) -> Result<Vec<Layer>, String> {
-    let raw: Vec<(String, RawLayer)> = match raw {
-        RawLayers::List(list) => list
+fn layers(raw: Value, left_out: &mut Vec<String>) -> Result<Vec<Layer>, String> {
+    let raw: Vec<(String, Value)> = match raw {
+        Value::Array(list) => list
             .into_iter()
             .enumerate()
-            .map(|(i, layer)| (layer.name.clone().unwrap_or_else(|| format!("layer {i}")), layer))
+            .map(|(i, layer)| {
+                let name = layer.get("name").and_then(Value::as_str);
+                (name.map_or_else(|| format!("number {i}"), str::to_owned), layer)
+            })
             .collect(),
-        RawLayers::ByName(InOrder(members)) => members,
+        Value::Object(by_name) => by_name.into_iter().collect(),
+        _ => return Err("layers: expected a list".into()),
     };
+    let raw: Vec<(String, RawLayer)> = raw
+        .into_iter()
+        .map(|(name, layer)| match serde_json::from_value(layer) {
+            Ok(layer) => Ok((name, layer)),
+            Err(e) => Err(format!("layer {name}: {e}")),
+        })
+        .collect::<Result<_, _>>()?;
     let mut layers = Vec::new();
     for (name, layer) in &raw {
         // Before there were types, a layer with segments was one of them.
