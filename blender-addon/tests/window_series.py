@@ -30,6 +30,8 @@ def steps(package, out, window, area, shown, converged, until, events, shot):
     path = f"{out}/moving.pumice"
     pumice.compress_series([dense(step) for step in range(STEPS)], path)
     scene.frame_set(scene.frame_start)
+    # The film of labels needs no more.
+    samples, scene.pumice.viewport_samples = scene.pumice.viewport_samples, 4
     with bpy.context.temp_override(window=window, area=area, region=region):
         assert bpy.ops.pumice.import_volume(filepath=path, time_steps="all") == {"FINISHED"}
     obj = next(o for o in bpy.data.objects if o.pumice.filepath)
@@ -67,4 +69,5 @@ def steps(package, out, window, area, shown, converged, until, events, shot):
     scene.frame_set(scene.frame_start)
     yield from until(lambda: (at := ball()) is not None and abs(at - places[0]) < 1.0, "the first time step is drawn again")
     bpy.data.objects.remove(obj)
+    scene.pumice.viewport_samples = samples
     yield 0.5
