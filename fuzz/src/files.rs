@@ -8,6 +8,9 @@ use pumice_formats::{ArrayAxes, FormatError, OpenOptions, open, probe};
 /// Number of voxels after which reading stops, because a few kB may decompress to many MB of equal voxels.
 const MOST_VOXELS: u64 = 1 << 22;
 
+/// Number of blocks after which reading stops, because a forged store may have millions of chunks of a voxel each.
+const MOST_BLOCKS: u64 = 1 << 12;
+
 /// Reads the header, then the voxels. Chooses the first layer, time step or channel if the file has several.
 pub fn read_all(path: &Path, mut options: OpenOptions) {
     if let Err(error) = probe(path, &options) {
@@ -42,7 +45,7 @@ fn one_line(text: &str) {
 /// Reads all blocks. They must lie within the volume, have all their labels, and have as many voxels together as the volume.
 fn drain(source: &mut dyn BlockSource) {
     let info = source.info().clone();
-    let mut voxels = 0;
+    let (mut voxels, mut blocks) = (0, 0);
     loop {
         match source.next_block() {
             Ok(Some(block)) => {
@@ -54,7 +57,8 @@ fn drain(source: &mut dyn BlockSource) {
                 // The far corner has the highest index, so this checks the number of labels.
                 let _ = block.get(block.dims.map(|d| d - 1));
                 voxels += block.dims.iter().map(|&d| u64::from(d)).product::<u64>();
-                if voxels > MOST_VOXELS {
+                blocks += 1;
+                if voxels > MOST_VOXELS || blocks > MOST_BLOCKS {
                     return;
                 }
             }

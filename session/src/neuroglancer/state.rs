@@ -12,8 +12,8 @@ use serde_json::Value;
 use super::source::unescaped;
 use crate::figure::hex_color;
 
-/// Largest state that is read: some MB hold a million segments.
-pub(super) const MOST_BYTES: u64 = 256 << 20;
+/// Largest file that is looked at, as large as the largest scene: whether a file is a state or a scene shows only inside.
+const MOST_BYTES: u64 = 1 << 29;
 
 /// The axes that Neuroglancer displays unless it is told others.
 const AXES: [&str; 3] = ["x", "y", "z"];
