@@ -9,7 +9,7 @@ use pumice_formats::{ArrayAxes, FormatError, OpenOptions, open, probe};
 const MOST_VOXELS: u64 = 1 << 22;
 
 /// Number of blocks after which reading stops, because a forged store may have millions of chunks of a voxel each.
-const MOST_BLOCKS: u64 = 1 << 12;
+const MOST_BLOCKS: u64 = 1 << 8;
 
 /// Reads the header, then the voxels. Chooses the first layer, time step or channel if the file has several.
 pub fn read_all(path: &Path, mut options: OpenOptions) {
