@@ -538,7 +538,7 @@ mod tests {
         for bad in [
             &["--only", "nonsense"][..],
             &["--only"],
-            &["--share", "16"],
+            &["--share", "28"],
             &["--share", "-1"],
             &["-x"],
             &["--bpy", "newest"],
