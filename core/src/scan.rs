@@ -192,7 +192,7 @@ impl SortedCells {
     }
 }
 
-/// Cubes of 4² cells a side are looked at as a whole first, which saves their cells where nothing is.
+/// Level of the cubes, 2² cells or 16 voxels a side, that are looked at as a whole first: where they are background, none of their cells is read.
 const SPARSE_LEVEL: u32 = 2;
 
 /// A block being scanned.
@@ -270,7 +270,8 @@ impl<T: Label> Scan<'_, T> {
         }
     }
 
-    /// Whether a cube of [`SPARSE_LEVEL`] is known to have no label. It is seen at once that a cube within a label has one.
+    /// Whether a cube of [`SPARSE_LEVEL`] is background throughout; false where no axis has a stride of 1. In a cube within a label the first row
+    /// decides.
     fn is_background(&self, corner: [u32; 3]) -> bool {
         let Self { origin, dims, strides, labels } = self;
         let Some(fastest) = strides.iter().position(|&stride| stride == 1) else { return false };

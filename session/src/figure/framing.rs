@@ -56,7 +56,7 @@ pub(super) trait Outermost {
     /// Takes a point into account.
     fn include(&mut self, p: DVec3);
 
-    /// Whether a point that is at most so far from `p` may matter; where it cannot, it needs not be included.
+    /// Whether a point that is at most so far from `p` may matter; where none can, none needs to be included.
     fn may_matter(&self, _p: DVec3, _distance: f64) -> bool {
         true
     }
@@ -109,6 +109,15 @@ impl Framing {
         }
     }
 
+    /// ±p·axis + tan·p·back, by axis.
+    fn planes_of(&self, p: DVec3) -> [[f64; 2]; 2] {
+        let back = p.dot(self.axes.z_axis);
+        [0, 1].map(|axis| {
+            let (across, depth) = (p.dot(self.axes.col(axis)), self.tangents[axis] * back);
+            [depth + across, depth - across]
+        })
+    }
+
     pub(super) fn camera(&self) -> Camera {
         let place = |axis: usize| {
             let [plus, minus] = self.planes[axis];
@@ -133,17 +142,6 @@ impl Framing {
     fn camera_at(&self, place: DVec3) -> Camera {
         let pose = DAffine3 { matrix3: self.axes, translation: self.axes * place };
         Camera { shift: self.shift, ..Camera::new(pose, Projection::Perspective { fov_rad: self.fov_rad }) }
-    }
-}
-
-impl Framing {
-    /// ±p·axis + tan·p·back, by axis.
-    fn planes_of(&self, p: DVec3) -> [[f64; 2]; 2] {
-        let back = p.dot(self.axes.z_axis);
-        [0, 1].map(|axis| {
-            let (across, depth) = (p.dot(self.axes.col(axis)), self.tangents[axis] * back);
-            [depth + across, depth - across]
-        })
     }
 }
 
