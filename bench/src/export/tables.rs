@@ -8,6 +8,7 @@ use serde::Serialize;
 use super::{ExportFigures, WrittenRow};
 use crate::files::write_results;
 use crate::table::{Row, Table};
+use crate::timing::Took;
 
 /// The bar: a `.usdc` of 10⁶ boxes.
 const BAR_BOXES: u64 = 1_000_000;
@@ -32,22 +33,25 @@ impl Row for Beside<'_> {
         };
         let megabytes = |bytes: u64| format!("{:.0}", bytes as f64 / 1e6);
         let peak = |row: &WrittenRow| row.peak_rss_bytes.map_or(f64::NAN, |bytes| bytes as f64);
+        let took = |took: Took| format!("{} ({})", seconds(took.seconds), seconds(took.cpu_seconds));
         vec![
             ("volume", row.volume.clone()),
             ("form", row.form.clone()),
             ("file", format!(".{}", row.format)),
             ("writer", row.writer.clone()),
             ("bytes", row.bytes.to_string()),
-            (
-                "find, s (CPU)",
-                row.prepare.map_or(String::new(), |t| format!("{:.3} ({:.3})", t.seconds, t.cpu_seconds)),
-            ),
-            ("write, s (CPU)", format!("{:.3} ({:.3})", row.write.seconds, row.write.cpu_seconds)),
+            ("find, s (CPU)", row.prepare.map_or(String::new(), took)),
+            ("write, s (CPU)", took(row.write)),
             ("peak, MB", row.peak_rss_bytes.map_or(String::new(), megabytes)),
             ("CPU of writing, over ours", over(|row| row.write.cpu_seconds)),
             ("peak, over ours", over(peak)),
         ]
     }
+}
+
+/// Seconds to a millisecond, below 0.01 s to 10 µs: opening, writing and syncing a file take longer than that.
+fn seconds(value: f64) -> String {
+    if value < 0.01 { format!("{value:.5}") } else { format!("{value:.3}") }
 }
 
 impl ExportFigures {
