@@ -45,6 +45,8 @@ pub struct PassSums {
     pub caught: bool,
     /// Whether the caught shadows go into a pass of their own instead of into the picture.
     pub shadow_apart: bool,
+    /// Pixels from the border over which shadows in the picture fade to nothing; 0: they do not.
+    pub shadow_fade: u32,
 }
 
 impl PassSums {
@@ -59,6 +61,7 @@ impl PassSums {
             light: film.passes.has_any(Pass::LIGHT),
             caught: catches,
             shadow_apart: catches && film.passes.has(Pass::ShadowCatcher),
+            shadow_fade: if catches { film.shadow_fade_pixels() } else { 0 },
         }
     }
 

@@ -22,6 +22,10 @@
 //! colour  = m                         of a transparent film
 //!         = m + b · (1 − alpha)       of an opaque one
 //! ```
+//! **Fading.** With `film.shadow_fade` the shadow of these formulas is 1 − f · (1 − shadow), where f rises from 0 at the border of the
+//! picture to 1 at that distance (t² · (3 − 2t)). What is behind a figure then shows unchanged along the border, although the soft
+//! shadow under a sky reaches any distance. The pass is as it was caught.
+//!
 //! If the pass is requested, the shadow is only in the pass and not in the picture: then alpha = s and colour = m on both films.
 //!
 //! **Error.** Quotients of single classes are noisy where few samples hit a catcher, so the spread is taken over pictures with one
@@ -79,7 +83,8 @@ impl Sums {
         three(&mut self.behind, &caught[8..]);
     }
 
-    fn seen(&self, kept: PassSums) -> Seen {
+    /// What is seen of a pixel of which `shown` is the share of its shadow that has not faded.
+    fn seen(&self, kept: PassSums, shown: f64) -> Seen {
         let n = self.samples.max(1.0);
         let part = |sum: f64| (sum / n).clamp(0.0, 1.0);
         let open = part(self.open);
@@ -87,7 +92,7 @@ impl Sums {
             let left = if self.alone[c] == 0.0 { 1.0 } else { self.all[c] / self.alone[c] };
             open + (1.0 - open) * left
         });
-        let even = (shadow.iter().sum::<f64>() / 3.0).clamp(0.0, 1.0);
+        let even = 1.0 - shown * (1.0 - (shadow.iter().sum::<f64>() / 3.0).clamp(0.0, 1.0));
         let covered = part(self.covered);
         let matte = self.matte.map(|m| m / n);
         // What is seen of what is behind.
@@ -117,7 +122,16 @@ impl FilmBuffer {
     }
 
     fn seen_at(&self, pixel: usize) -> Seen {
-        self.caught_without(pixel, self.samples_of(pixel), None).seen(self.kept())
+        self.caught_without(pixel, self.samples_of(pixel), None).seen(self.kept(), self.shadow_shown(pixel))
+    }
+
+    /// The share of a pixel's shadow that has not faded.
+    fn shadow_shown(&self, pixel: usize) -> f64 {
+        let (width, height) = self.size();
+        let from_border = |at: usize, of: usize| at.min(of - 1 - at) as f64 + 0.5;
+        let distance = from_border(pixel % width, width).min(from_border(pixel / width, height));
+        let t = (distance / f64::from(self.kept().shadow_fade.max(1))).min(1.0);
+        if self.kept().shadow_fade == 0 { 1.0 } else { t * t * (3.0 - 2.0 * t) }
     }
 
     fn of_seen<T: Send>(&self, f: impl Fn(Seen) -> T + Sync + Send) -> Result<Vec<T>, NoMemory> {
@@ -126,15 +140,17 @@ impl FilmBuffer {
 
     /// One channel of a pixel with `n` samples laid over what is behind it, and that number's variance.
     pub(crate) fn caught_moments(&self, pixel: usize, channel: usize, n: u32) -> (f64, f64) {
+        let shown = self.shadow_shown(pixel);
         let all = self.caught_without(pixel, n, None);
-        let value = all.seen(self.kept()).laid[channel];
+        let value = all.seen(self.kept(), shown).laid[channel];
         if n < CLASSES {
             return (value, f64::INFINITY);
         }
         let spread: f64 = (0..R)
             .map(|r| {
                 let others = self.caught_without(pixel, n, Some(r));
-                let d = (others.seen(self.kept()).laid[channel] - value) * others.samples / all.samples;
+                let d =
+                    (others.seen(self.kept(), shown).laid[channel] - value) * others.samples / all.samples;
                 d * d
             })
             .sum();
@@ -177,6 +193,7 @@ mod tests {
         ranks: 0,
         caught: true,
         shadow_apart: false,
+        shadow_fade: 0,
     };
     const OPAQUE: PassSums = PassSums { alpha: false, ..TRANSPARENT };
 
@@ -196,31 +213,64 @@ mod tests {
     /// Worked out by hand from the formulas of the module.
     #[test]
     fn what_is_seen_follows_from_the_sums() {
-        let seen = mixed().seen(TRANSPARENT);
+        let seen = mixed().seen(TRANSPARENT, 1.0);
         // 1/4 + 3/4 · (1/4, 2/4, 3/4)
         assert_eq!(seen.shadow, [0.4375, 0.625, 0.8125]);
         // 1/4 + 3/4 · (1 − 0.625)
         assert_eq!((seen.alpha, seen.color), (0.53125, [0.25, 0.5, 0.75]));
         assert_eq!(seen.laid, [0.25 + 0.46875, 0.5 + 0.46875, 0.75 + 0.46875]);
 
-        let apart = mixed().seen(PassSums { shadow_apart: true, ..TRANSPARENT });
+        let apart = mixed().seen(PassSums { shadow_apart: true, ..TRANSPARENT }, 1.0);
         assert_eq!((apart.alpha, apart.color, apart.shadow), (0.25, seen.color, seen.shadow));
         assert_eq!(apart.laid[0], 0.25 + 0.75 * 0.4375);
 
         let open = Sums { open: 0.0, covered: 4.0, ..mixed() };
-        let opaque = open.seen(OPAQUE);
+        let opaque = open.seen(OPAQUE, 1.0);
         assert_eq!(opaque.shadow, [0.25, 0.5, 0.75]);
         assert_eq!((opaque.alpha, opaque.color), (1.0, [0.25 + 0.25, 0.5 + 0.25, 0.75 + 0.25]));
+    }
+
+    /// Half of a shadow is seen in the picture and in alpha, all of it in the pass, and none changes nothing behind.
+    #[test]
+    fn a_shadow_fades_in_the_picture_alone() {
+        let (all, half, none) =
+            (mixed().seen(TRANSPARENT, 1.0), mixed().seen(TRANSPARENT, 0.5), mixed().seen(TRANSPARENT, 0.0));
+        assert!(half.shadow == all.shadow && half.color == all.color);
+        assert_eq!((half.alpha, none.alpha), (0.25 + 0.75 * 0.5 * 0.375, 0.25));
+        let open = Sums { open: 0.0, covered: 4.0, ..mixed() };
+        assert_eq!(open.seen(OPAQUE, 0.0).color, [0.25 + 0.5, 0.5 + 0.5, 0.75 + 0.5]);
+    }
+
+    /// A dark floor everywhere: nothing of it at the border, the more the farther from the nearest side, all from the width on.
+    #[test]
+    fn shadows_fade_toward_the_border() {
+        let (width, height) = (9, 5);
+        let mut film =
+            FilmBuffer::with_passes(width, height, PassSums { shadow_fade: 2, ..TRANSPARENT }).unwrap();
+        film.sums_mut(1);
+        let kept = film.kept();
+        for pixel in 0..(width * height) as usize {
+            let at = pixel * kept.stride() + kept.caught_at();
+            film.pass_sums_mut()[at + 3..at + 6].fill(1.0);
+        }
+        let alpha = film.caught_alpha().unwrap().unwrap();
+        let shown = [0.15625, 0.84375, 1.0];
+        for (pixel, &alpha) in alpha.iter().enumerate() {
+            let (x, y) = (pixel % 9, pixel / 9);
+            let nearest = x.min(8 - x).min(y).min(4 - y);
+            assert_eq!(alpha, shown[nearest], "{x}, {y}");
+        }
+        assert!(film.shadow().unwrap().pixels.iter().all(|&s| s == [0.0; 3]), "the pass is as it was caught");
     }
 
     /// No light at all, more light than alone, none on either side.
     #[test]
     fn odd_sums_are_no_fault() {
-        let dark = Sums { alone: [0.0; 3], ..mixed() }.seen(TRANSPARENT);
+        let dark = Sums { alone: [0.0; 3], ..mixed() }.seen(TRANSPARENT, 1.0);
         assert_eq!((dark.shadow, dark.alpha), ([1.0; 3], 0.25), "without light there is no shadow");
-        let glow = Sums { all: [40.0; 3], ..mixed() }.seen(TRANSPARENT);
+        let glow = Sums { all: [40.0; 3], ..mixed() }.seen(TRANSPARENT, 1.0);
         assert_eq!((glow.shadow[0], glow.alpha), (0.25 + 0.75 * 10.0, 0.25), "light takes no alpha away");
-        let none = Sums::default().seen(TRANSPARENT);
+        let none = Sums::default().seen(TRANSPARENT, 1.0);
         assert!(none.alpha == 0.0 && none.color == [0.0; 3] && none.shadow == [1.0; 3]);
     }
 

@@ -59,6 +59,10 @@ pub struct Film {
     /// How many labels, or types, the Cryptomatte holds per pixel: an even number, 2 to [`Film::MOST_RANKS`].
     #[serde(default = "six")]
     pub cryptomatte_ranks: u32,
+    /// Distance from the border, as a share of the shorter side, over which the shadows on shadow catchers fade to nothing: in
+    /// [0, 0.5], 0 for shadows that reach the border. The pass of caught shadows does not fade.
+    #[serde(default)]
+    pub shadow_fade: f64,
     /// Whether colours are written as 16-bit floats, in formats that have them (OpenEXR).
     #[serde(default)]
     pub half: bool,
@@ -93,9 +97,15 @@ impl Film {
             background: None,
             passes: Passes::NONE,
             cryptomatte_ranks: Self::RANKS,
+            shadow_fade: 0.0,
             half: false,
             view_transform: ViewTransform::Standard,
         }
+    }
+
+    /// [`Film::shadow_fade`] in whole pixels.
+    pub fn shadow_fade_pixels(&self) -> u32 {
+        (self.shadow_fade * f64::from(self.width.min(self.height))).ceil() as u32
     }
 }
 

@@ -268,6 +268,7 @@ fn validate_film(c: &Check, film: &Film) -> Checked {
     c.field("cryptomatte_ranks", ranks.is_multiple_of(2) && (2..=most).contains(&ranks), || {
         format!("expected an even number from 2 to {most}, got {ranks}")
     })?;
+    c.range("shadow_fade", film.shadow_fade, 0.0, 0.5)?;
     let (name, width) = match film.filter {
         Filter::Box { width } => ("filter.box.width", width),
         Filter::BlackmanHarris { width } => ("filter.blackman_harris.width", width),

@@ -318,6 +318,12 @@ fn film() {
     let (bad, fine) = ([0.0, -1.0, 16.0f32.next_up(), NAN, INF], [0.1, 16.0]);
     rule("film.filter.box.width", |s, width| s.film.filter = Filter::Box { width }, &bad, &fine);
     rule(
+        "film.shadow_fade",
+        |s, v| s.film.shadow_fade = v,
+        &[-0.1, 0.5f64.next_up(), f64::NAN, f64::INFINITY],
+        &[0.0, 0.5],
+    );
+    rule(
         "film.cryptomatte_ranks",
         |s, ranks| s.film.cryptomatte_ranks = ranks,
         &[0, 1, 5, 17, 18, u32::MAX],

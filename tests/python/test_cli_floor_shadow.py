@@ -1,4 +1,5 @@
-"""Tests that what darkens the corners of a figure on a floor is the shadow of what is shown: against a box in closed form.
+"""Tests that what darkens the corners of a figure on a floor is the shadow of what is shown, against a box in closed form; and that a figure
+fades it, so that the border has the background's colour.
 
 A point of the floor gets the light of the sky and of the sun that the box leaves: both are integrals over directions, done here by sampling
 directions and by comparing slabs. Light that the box itself reflects to the floor is left out, by `--mode one-bounce`.
@@ -10,6 +11,7 @@ import numpy as np
 import pytest
 from command import run
 from exr_planes import planes
+from PIL import Image
 
 WIDTH, HEIGHT = 96, 72
 DIRECTIONS = 200_000
@@ -51,7 +53,12 @@ def test_the_corners_of_a_tight_frame_are_as_dark_as_the_shadow_there(pumice, tm
     flags = ["--floor", "--background", "white", "--view", "30,25", "--mode", "one-bounce", "--size", f"{WIDTH}x{HEIGHT}", "--spp", 400]
     source = [tmp_path / "box.npy", "--axes", "xyz", "--spacing", "1,1,1", "--backend", "cpu"]
     run(pumice, "render", *source, *flags, "-o", tmp_path / "a.exr", "--save-scene", tmp_path / "a.json").fine()
-    scene, shadow = json.loads((tmp_path / "a.json").read_text()), planes(tmp_path / "a.exr")["A"]
+    scene = json.loads((tmp_path / "a.json").read_text())
+    # As it is caught, without the fading of figures.
+    scene["film"]["shadow_fade"] = 0
+    (tmp_path / "a.json").write_text(json.dumps(scene))
+    run(pumice, "render", tmp_path / "a.json", "--mode", "one-bounce", "--spp", 400, "--backend", "cpu", "-o", tmp_path / "b.exr").fine()
+    shadow = planes(tmp_path / "b.exr")["A"]
     matrix = np.array(scene["instances"][0]["world_from_index"]).reshape(4, 3)
     corners = np.array([[12.0 * (i >> a & 1) for a in range(3)] for i in range(8)]) @ matrix[:3] + matrix[3]
     box = corners.min(axis=0), corners.max(axis=0)
@@ -69,3 +76,25 @@ def test_the_corners_of_a_tight_frame_are_as_dark_as_the_shadow_there(pumice, tm
     assert np.abs(np.subtract(got, expected)).max() < 0.02, (got, expected)
     # Near the box it is more than a display shows as white, and far from it less.
     assert max(expected) > 0.05 and min(expected) < 0.002
+
+
+@pytest.mark.parametrize("transform", ["standard", "agx", "filmic"])
+def test_the_border_of_a_figure_is_white(pumice, tmp_path, transform):
+    """In a frame so tight that the soft shadow reaches every corner: without fading they are darker."""
+    np.save(tmp_path / "box.npy", np.ones((12, 12, 12), np.uint8))
+    source = [tmp_path / "box.npy", "--axes", "xyz", "--spacing", "1,1,1", "--backend", "cpu", "--view-transform", transform]
+    flags = ["--floor", "--background", "white", "--view", "30,25", "--size", f"{WIDTH}x{HEIGHT}", "--spp", 16]
+    scene = tmp_path / "a.json"
+    run(pumice, "render", *source, *flags, "-o", tmp_path / "a.png", "--save-scene", scene).fine()
+    faded = np.asarray(Image.open(tmp_path / "a.png"))
+    fields = json.loads(scene.read_text())
+    assert fields["film"]["shadow_fade"] > 0
+    fields["film"]["shadow_fade"] = 0
+    scene.write_text(json.dumps(fields))
+    run(pumice, "render", scene, "--spp", 16, "--backend", "cpu", "--view-transform", transform, "-o", tmp_path / "b.png").fine()
+    caught = np.asarray(Image.open(tmp_path / "b.png"))
+    border = lambda picture: np.concatenate([picture[0], picture[-1], picture[:, 0], picture[:, -1]])  # noqa: E731
+    assert faded.shape == caught.shape == (HEIGHT, WIDTH, 3)
+    assert border(faded).min() == 255 and border(caught).min() < 250
+    # A tenth of the shorter side is 7.2 pixels: what is 8 pixels or more from the border is the same.
+    assert np.array_equal(faded[8:-8, 8:-8], caught[8:-8, 8:-8]) and faded[8:-8, 8:-8].min() < 200

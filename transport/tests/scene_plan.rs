@@ -391,7 +391,12 @@ fn makes_anew(plan: &ScenePlan, path: &str) -> Option<bool> {
     let not_kept = |source| !matches!(source, Kept(_));
     match parts[0] {
         "camera" => all(&[plan.camera]),
-        "film" if matches!(parts[1], "width" | "height" | "cryptomatte_ranks" | "transparent") => {
+        "film"
+            if matches!(
+                parts[1],
+                "width" | "height" | "cryptomatte_ranks" | "transparent" | "shadow_fade"
+            ) =>
+        {
             all(&[plan.camera, plan.film, plan.sums])
         }
         "film" if parts[1] == "filter" => all(&[plan.camera, plan.film, plan.filter]),

@@ -102,6 +102,7 @@ pub(crate) fn full_scene() -> Scene {
             background: Some([0.25, 0.5, 0.75]),
             passes: Passes::ALL,
             cryptomatte_ranks: 8,
+            shadow_fade: 0.125,
             half: true,
             view_transform: ViewTransform::Agx,
             ..Film::new(640, 360, Filter::BlackmanHarris { width: 3.0 })

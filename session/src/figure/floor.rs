@@ -10,6 +10,9 @@ const HALF_SIDE: f64 = 10.0 * DIAGONAL;
 /// Distance between the floor and the lowest point above it: faces in one plane would flicker.
 const GAP: f64 = DIAGONAL / 1000.0;
 
+/// [`pumice_scene::Film::shadow_fade`]: the soft shadow under the sky has no end, and the page around a figure shows where it is cut off.
+pub(super) const FADE: f64 = 0.1;
+
 /// A floor below the height `lowest`: a built-in plane, so that a scene and a picture need no file for it.
 pub(super) fn floor_below(lowest: f64) -> Mesh {
     Mesh {

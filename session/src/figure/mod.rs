@@ -190,7 +190,10 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
         }],
         suns: vec![key],
         camera,
-        film: Film::new(options.size[0], options.size[1], Filter::BlackmanHarris { width: 3.0 }),
+        film: Film {
+            shadow_fade: if options.floor { floor::FADE } else { 0.0 },
+            ..Film::new(options.size[0], options.size[1], Filter::BlackmanHarris { width: 3.0 })
+        },
         world: light::world(),
         lights: Vec::new(),
         meshes: floor.into_iter().collect(),

@@ -86,6 +86,10 @@ fn adapt(scene: &mut Scene, may_shrink: bool, notes: &mut Vec<String>) {
     if scene.settings.adaptive.take().is_some() {
         notes.push("Pixels do not rest: adaptive sampling is biased, and is off in both.".into());
     }
+    if std::mem::take(&mut scene.film.shadow_fade) > 0.0 {
+        notes
+            .push("Shadows on shadow catchers do not fade toward the border: those of Cycles do not.".into());
+    }
     scene.film.half = false;
     // Only shadows that are a pass of their own change what the picture is.
     let catcher = scene.film.passes.has(Pass::ShadowCatcher);
