@@ -182,8 +182,9 @@ pub(crate) fn summary(figures: &RenderFigures) -> String {
         false => String::new(),
     };
     let denoised = if figures.denoised.is_some() { ", denoised (biased)" } else { "" };
+    let samples = if figures.spp == 1 { "sample" } else { "samples" };
     format!(
-        "{} samples a pixel{resting}, {error}{denoised}, {:.1} s ({:.1} CPU s)",
+        "{} {samples} a pixel{resting}, {error}{denoised}, {:.1} s ({:.1} CPU s)",
         figures.spp, figures.seconds, figures.cpu_seconds
     )
 }
