@@ -5,10 +5,14 @@
 
 use std::io::Read;
 
+use brotli_decompressor::Decompressor;
 use flate2::read::{MultiGzDecoder, ZlibDecoder};
 use pumice_core::error::one_line;
 #[cfg(feature = "zarr")]
 use zarrs::array::codec::api::{BytesRepresentation, BytesToBytesCodecTraits as _, CodecOptions};
+
+/// Bytes that the decoder of brotli reads at a time.
+const BROTLI_BUFFER: usize = 4096;
 
 /// How a chunk is compressed.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -16,6 +20,7 @@ pub(crate) enum Coder {
     /// One member or several.
     Gzip,
     Zlib,
+    Brotli,
     /// One frame or several.
     Zstd,
     #[cfg(feature = "zarr")]
@@ -30,6 +35,7 @@ impl Coder {
         match self {
             Self::Gzip => "gzip",
             Self::Zlib => "zlib",
+            Self::Brotli => "brotli",
             Self::Zstd => "zstd",
             #[cfg(feature = "zarr")]
             Self::Bzip2 => "bzip2",
@@ -47,6 +53,7 @@ impl Coder {
         match self {
             Self::Gzip => self.taken(MultiGzDecoder::new(stored), most),
             Self::Zlib => self.taken(ZlibDecoder::new(stored), most),
+            Self::Brotli => self.taken(Decompressor::new(stored, BROTLI_BUFFER), most),
             // Streams: the window of a frame is allocated as the frame says, so the largest is limited too.
             Self::Zstd => {
                 let mut decoder = zstd::stream::read::Decoder::new(stored).map_err(named)?;

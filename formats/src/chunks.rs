@@ -1,32 +1,26 @@
-//! The chunks of a store, and the source of blocks that reads them one after another.
+//! The chunks of a store, and the source of blocks that is made of them.
 //!
-//! ```text
-//! file axes, fastest first     x   y   z   t          chunk 64 × 64 × 64 × 1, shard 512 × 512 × 512 × 1
-//! blocks                       one chunk, or several thin ones together, until a block has 16 steps along each axis; shard by shard
-//! ```
 //! A chunk that the store lacks is the fill value. It is counted, and costs neither memory nor time, as does a chunk with one value
-//! throughout: the block has a single label then, and strides of 0. Memory: one chunk, and the block that is made of it.
+//! throughout: the block has a single label then, and strides of 0. Memory: the chunks that are read ahead ([`crate::chunks_ahead`]), and the
+//! block that is made of them.
 
 use std::path::PathBuf;
 
 use pumice_core::reserve;
 use pumice_core::{BlockSource, LabelBlock, LabelBuffer, VolumeInfo};
 
+use crate::chunk_walk::{Axis, BlockPlace, ChunkWalk, Region, Walk, step};
+use crate::chunks_ahead::ChunksAhead;
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::{Layout, Role};
 use crate::options::{MissingChunks, Warnings};
-
-/// Thin chunks are put together until a block has so many voxels along an axis: the side of the boxes of the compressed form.
-const BLOCK_STEPS: u64 = 16;
-
-/// Largest number of bytes of a block that is put together from several chunks.
-const BLOCK_BYTES: u64 = 16 << 20;
+use crate::store_files::is_on_server;
 
 /// Reads single chunks.
-pub(crate) trait ChunkReader: Send {
+pub(crate) trait ChunkReader: Send + Sync {
     /// The chunk at these indices, one a file axis, fastest first; `None` where the store lacks it.
-    fn read(&mut self, chunk: &[u64]) -> Result<Option<Chunk>>;
+    fn read(&self, chunk: &[u64]) -> Result<Option<Chunk>>;
 }
 
 /// The plain bytes of a chunk.
@@ -49,27 +43,6 @@ pub(crate) struct Chunks {
     pub(crate) open: Box<dyn FnOnce() -> Result<Box<dyn ChunkReader>>>,
 }
 
-/// A box of voxels: the lowest voxel, and the one beyond the highest, along x, y, z.
-pub(crate) type Region = [[u64; 2]; 3];
-
-/// An axis of the file, as the loops over chunks need it.
-#[derive(Clone, Copy, Debug)]
-struct Axis {
-    role: Role,
-    /// Elements of a chunk.
-    chunk: u64,
-    /// Chunks of a block.
-    group: u64,
-    /// Chunks of a shard.
-    shard_chunks: u64,
-    /// Blocks of a shard.
-    shard: u64,
-    /// Number of the first block that is read, and of the first beyond.
-    blocks: [u64; 2],
-    /// The elements that are read.
-    range: [u64; 2],
-}
-
 /// Delivers the voxels of regions of a store, one region after another.
 pub(crate) struct ChunkSource {
     path: PathBuf,
@@ -77,18 +50,14 @@ pub(crate) struct ChunkSource {
     info: VolumeInfo,
     /// Lowest voxel of that volume in the store.
     low: [u64; 3],
-    /// Regions that come later, the next one last.
-    later: Vec<Region>,
-    /// Bytes of a block of one chunk.
-    chunk_bytes: u64,
     element: Element,
     fill: Vec<u8>,
     missing: MissingChunks,
     warnings: Warnings,
-    reader: Box<dyn ChunkReader>,
+    /// `None` after an error.
+    chunks: Option<ChunksAhead>,
     axes: Vec<Axis>,
-    /// The next block, in blocks along each file axis; empty after the last.
-    at: Vec<u64>,
+    walk: Walk,
     absent: u64,
     read: u64,
 }
@@ -119,90 +88,47 @@ impl ChunkSource {
             if matches!(axis.role, Role::Space(_)) {
                 bytes = bytes.saturating_mul(chunk.min(axis.size));
             }
-            let (role, range) = (axis.role, [0; 2]);
-            axes.push(Axis { role, chunk, group: 1, shard_chunks, shard: 1, blocks: [0; 2], range });
+            axes.push(Axis::new(axis.role, chunk, shard_chunks));
         }
         // A chunk as it is stored, with the steps of fixed axes that are not read, and the block that is cut from it.
         let stored = chunks.chunk.iter().fold(element.bytes() as u64, |n, &size| n.saturating_mul(size));
         reserve::check_room("a chunk of the store", stored.saturating_mul(2))
             .map_err(FormatError::memory(&path))?;
         let reader = (chunks.open)()?;
+        let walk = Walk::new(axes.clone(), bytes, regions);
+        let ahead = ChunksAhead::new(reader, ChunkWalk::new(walk.clone()), stored, is_on_server(&path));
         let (fill, missing) = (chunks.fill, chunks.missing);
-        let mut source = Self {
+        Ok(Self {
             path,
             info,
             low,
-            later: regions.into_iter().rev().collect(),
-            chunk_bytes: bytes,
             element,
             fill,
             missing,
             warnings,
-            reader,
+            chunks: Some(ahead),
             axes,
-            at: Vec::new(),
+            walk,
             absent: 0,
             read: 0,
-        };
-        source.next_region();
-        Ok(source)
-    }
-
-    /// Goes to the next region; false after the last.
-    fn next_region(&mut self) -> bool {
-        let Some(region) = self.later.pop() else { return false };
-        let mut bytes = self.chunk_bytes;
-        for axis in &mut self.axes {
-            axis.range = match axis.role {
-                Role::Space(space) => region[space],
-                Role::Fixed(index) => [index, index + 1],
-            };
-            (axis.group, axis.shard) = (1, axis.shard_chunks);
-        }
-        for axis in self.axes.iter_mut().filter(|axis| matches!(axis.role, Role::Space(_))) {
-            axis.group = group(axis, bytes);
-            bytes = bytes.saturating_mul(axis.group);
-        }
-        for axis in &mut self.axes {
-            axis.shard = (axis.shard / axis.group).max(1);
-            let block = axis.chunk.saturating_mul(axis.group);
-            axis.blocks = [axis.range[0] / block, axis.range[1].div_ceil(block)];
-        }
-        self.at = self.axes.iter().map(|axis| axis.blocks[0]).collect();
-        true
+        })
     }
 
     /// The next block, or `None` after the last.
     fn next(&mut self) -> Result<Option<LabelBlock>> {
-        if self.at.is_empty() && !self.next_region() {
+        let Some(place) = self.chunks.as_ref().and_then(|_| self.walk.next()) else {
             self.say_absent();
             return Ok(None);
-        }
-        let at = self.at.clone();
-        self.advance();
-        // The elements of the block along the file axes, cut to the region.
-        let span: Vec<[u64; 2]> = self
-            .axes
-            .iter()
-            .zip(&at)
-            .map(|(axis, &index)| {
-                let block = axis.chunk.saturating_mul(axis.group);
-                let low = index * block;
-                [low.max(axis.range[0]), low.saturating_add(block).min(axis.range[1])]
-            })
-            .collect();
-        let sizes: Vec<usize> = span.iter().map(|[low, high]| (high - low) as usize).collect();
-        let bytes = self.element.bytes();
-        let wanted = sizes.iter().product::<usize>() * bytes;
-
-        // Read its chunks.
-        let first: Vec<u64> = self.axes.iter().zip(&span).map(|(axis, s)| s[0] / axis.chunk).collect();
-        let last: Vec<u64> = self.axes.iter().zip(&span).map(|(axis, s)| (s[1] - 1) / axis.chunk).collect();
+        };
+        let BlockPlace { span, first, last } = &place;
+        let sizes = place.sizes();
+        let wanted = sizes.iter().product::<usize>() * self.element.bytes();
         let mut buffer: Option<Vec<u8>> = None;
         let mut chunk = first.clone();
         loop {
             self.read += 1;
-            match self.reader.read(&chunk)? {
+            let Some(chunks) = &mut self.chunks else { return Ok(None) };
+            match chunks.next(&chunk)? {
                 None => {
                     self.absent += 1;
                     if self.missing == MissingChunks::Error {
@@ -220,38 +146,15 @@ impl ChunkSource {
                             Some(target) => target,
                             none => none.insert(self.filled(wanted)?),
                         };
-                        self.paste(target, (&span, &sizes), &chunk, &read)?;
+                        self.paste(target, (span, &sizes), &chunk, &read)?;
                     }
                 }
             }
-            if !step(&mut chunk, &first, &last) {
+            if !step(&mut chunk, first, last) {
                 break;
             }
         }
-        self.block(buffer, &span, &sizes).map(Some)
-    }
-
-    /// Goes to the next block: x first, then y and z within a shard, then to the next shard.
-    fn advance(&mut self) {
-        let Self { at, axes, .. } = self;
-        // Within the shard, as far as it lies in the region.
-        for (index, axis) in at.iter_mut().zip(axes.iter()) {
-            let end = ((*index / axis.shard + 1) * axis.shard).min(axis.blocks[1]);
-            if *index + 1 < end {
-                *index += 1;
-                return;
-            }
-            *index = (*index / axis.shard * axis.shard).max(axis.blocks[0]);
-        }
-        for (index, axis) in at.iter_mut().zip(axes.iter()) {
-            let next = (*index / axis.shard + 1) * axis.shard;
-            if next < axis.blocks[1] {
-                *index = next;
-                return;
-            }
-            *index = axis.blocks[0];
-        }
-        at.clear();
+        self.block(buffer, span, &sizes).map(Some)
     }
 
     /// A buffer of `bytes` bytes with the fill value.
@@ -396,39 +299,11 @@ impl BlockSource for ChunkSource {
     fn next_block(&mut self) -> pumice_core::Result<Option<LabelBlock>> {
         let block = self.next();
         if block.is_err() {
-            self.at.clear();
-            self.later.clear();
+            self.chunks = None;
             self.absent = 0;
         }
         Ok(block?)
     }
-}
-
-/// The number of chunks along an axis that make a block, of which a chunk in all has `bytes`: as many as have the steps of a whole block and end
-/// with whole cells, as far as they lie in the region and in a shard, and the block does not become too large.
-fn group(axis: &Axis, bytes: u64) -> u64 {
-    let least = BLOCK_STEPS.div_ceil(axis.chunk);
-    let in_region = (axis.range[1] - 1) / axis.chunk - axis.range[0] / axis.chunk + 1;
-    let fits = |&group: &u64| {
-        let within_shard = axis.shard == 1 || axis.shard.is_multiple_of(group);
-        within_shard && group <= in_region && bytes.saturating_mul(group) <= BLOCK_BYTES
-    };
-    // One of four successive numbers makes a multiple of four.
-    let whole_cells =
-        (least..least + 4).filter(|group| axis.chunk.saturating_mul(*group).is_multiple_of(4)).find(&fits);
-    whole_cells.or_else(|| (1..=least).rev().find(fits)).unwrap_or(1)
-}
-
-/// Counts indices up from `first` to `last`, both inclusive, the first fastest; false after the last.
-fn step(index: &mut [u64], first: &[u64], last: &[u64]) -> bool {
-    for a in 0..index.len() {
-        if index[a] < last[a] {
-            index[a] += 1;
-            return true;
-        }
-        index[a] = first[a];
-    }
-    false
 }
 
 /// Indices of a chunk in the order of the file's axes, slowest first, as its name has them.

@@ -143,7 +143,7 @@ impl Reader {
 }
 
 impl ChunkReader for Reader {
-    fn read(&mut self, chunk: &[u64]) -> Result<Option<Chunk>> {
+    fn read(&self, chunk: &[u64]) -> Result<Option<Chunk>> {
         let axes = self.chunk.len();
         let (mut selections, mut sizes) = (Vec::new(), Vec::new());
         for (a, (&step, &size)) in self.chunk.iter().zip(self.dataset.shape()).enumerate() {

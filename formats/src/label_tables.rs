@@ -25,6 +25,7 @@ use pumice_core::error::one_line;
 use pumice_core::{AnnotationTable, write_text};
 
 use crate::error::{FormatError, Result};
+use crate::store_files::is_on_server;
 
 /// A format of tables of labels.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -150,7 +151,7 @@ pub struct LabelTableFile {
 /// One line that says what is wrong with the file, and in which line and column.
 pub fn read_label_table(path: &Path) -> std::result::Result<LabelTableFile, FormatError> {
     let inside;
-    let path = match path.is_dir() {
+    let path = match path.is_dir() || is_on_server(path) {
         true => {
             inside = path.join("info");
             inside.as_path()

@@ -25,6 +25,7 @@ use crate::levels::{Level, choose_level};
 use crate::n5_block::{N5Blocks, compression};
 use crate::options::{MissingChunks, OpenOptions};
 use crate::placement::{self, unit_by_name};
+use crate::store_files::is_file;
 use crate::stores::{self, lengths, numbers};
 use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
 
@@ -32,7 +33,7 @@ use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
 pub(crate) const FORMAT: Format = Format {
     name: "N5",
     takes: Takes { dataset: true, scale: true, missing_chunks: true, ..Takes::NOTHING },
-    recognises: |folder, _| folder.join("attributes.json").is_file(),
+    recognises: |folder, _| is_file(&folder.join("attributes.json")),
     read,
 };
 
@@ -58,7 +59,7 @@ impl Node {
     fn levels(&self) -> Result<Vec<Self>> {
         let mut levels = Vec::new();
         while let path = self.path.join(format!("s{}", levels.len()))
-            && path.join("attributes.json").is_file()
+            && is_file(&path.join("attributes.json"))
         {
             let level = Self::read(&path)?;
             if level.dims().is_none() {
@@ -280,7 +281,7 @@ fn choose_dataset(node: &Node, options: &OpenOptions, open: &mut Vec<OpenChoice>
     };
     let found = || -> Result<Vec<String>> {
         let fits = |path: &Path| {
-            path.join("attributes.json").is_file()
+            is_file(&path.join("attributes.json"))
                 && Node::read(path).is_ok_and(|n| is_one(&n).unwrap_or(false))
         };
         stores::find_below(&node.path, MOST_DEPTH, &fits)

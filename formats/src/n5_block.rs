@@ -6,14 +6,13 @@
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::read_input;
 use serde_json::Value;
 
 use crate::bounded_decoder::Coder;
 use crate::chunks::{Chunk, ChunkReader};
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
-use crate::stores::is_absent;
+use crate::store_files::{self, is_absent};
 
 /// The compression that the attributes of a data set name, `None` for plain blocks; `Err` has the name of one that is not read.
 pub(crate) fn compression(attributes: &Value) -> std::result::Result<Option<Coder>, String> {
@@ -48,14 +47,14 @@ pub(crate) struct N5Blocks {
 }
 
 impl ChunkReader for N5Blocks {
-    fn read(&mut self, chunk: &[u64]) -> Result<Option<Chunk>> {
+    fn read(&self, chunk: &[u64]) -> Result<Option<Chunk>> {
         let mut path = self.folder.clone();
         for index in &chunk[..self.dims.len()] {
             path.push(index.to_string());
         }
         let most = self.block.iter().product::<u64>().saturating_mul(self.element_bytes as u64);
         // What cannot be compressed becomes a little longer.
-        let bytes = match read_input(&path, most.saturating_mul(2).saturating_add(1 << 20)) {
+        let bytes = match store_files::read(&path, most.saturating_mul(2).saturating_add(1 << 20)) {
             Ok(bytes) => bytes,
             Err(error) if is_absent(&error) => return Ok(None),
             Err(source) => return Err(FormatError::Io { path, source }),

@@ -28,7 +28,8 @@ use crate::options::{MissingChunks, OpenOptions};
 use crate::placement;
 use crate::precomputed_info::{self, Encoding, ScaleInfo};
 use crate::precomputed_shards::{Shards, morton};
-use crate::stores::{self, is_absent};
+use crate::store_files::{self, is_absent, is_file, is_on_server};
+use crate::stores;
 use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
 
 /// Folders of precomputed volumes.
@@ -39,7 +40,7 @@ pub(crate) const FORMAT: Format = Format {
     recognises: |folder, _| match stores::json(folder, "info") {
         Ok(Some(info)) => info.get("scales").is_some() || info.get("type").is_some(),
         Ok(None) => false,
-        Err(_) => folder.join("info").is_file(),
+        Err(_) => is_file(&folder.join("info")),
     },
     read,
 };
@@ -119,7 +120,9 @@ fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             fill: vec![0; element.bytes()],
             missing: options.missing_chunks.unwrap_or(MissingChunks::Fill),
             open: Box::new(move || {
-                std::fs::metadata(&reader.folder).map_err(FormatError::io(&reader.folder))?;
+                if !is_on_server(&reader.folder) {
+                    std::fs::metadata(&reader.folder).map_err(FormatError::io(&reader.folder))?;
+                }
                 reader.shards = reader
                     .scale
                     .sharding
@@ -166,7 +169,7 @@ struct Reader {
 }
 
 impl ChunkReader for Reader {
-    fn read(&mut self, chunk: &[u64]) -> Result<Option<Chunk>> {
+    fn read(&self, chunk: &[u64]) -> Result<Option<Chunk>> {
         let ScaleInfo { size, voxel_offset, chunk: whole, .. } = &self.scale;
         let low = [0, 1, 2].map(|a| chunk[a] * whole[a]);
         let high = [0, 1, 2].map(|a| (low[a] + whole[a]).min(size[a]));
@@ -175,7 +178,7 @@ impl ChunkReader for Reader {
         let plain_bytes = voxels.saturating_mul(self.id_bytes as u64);
         // Compressed segmentation of noise: an id and an index of 32 bits a voxel, and headers.
         let most_bytes = plain_bytes.saturating_mul(4).saturating_add(1 << 20);
-        let read = match &mut self.shards {
+        let read = match &self.shards {
             Some(shards) => {
                 let grid = [0, 1, 2].map(|a| size[a].div_ceil(whole[a]));
                 shards.read(morton([chunk[0], chunk[1], chunk[2]], grid), most_bytes)?
@@ -206,27 +209,28 @@ impl ChunkReader for Reader {
 
 /// The bytes of a chunk's own file, inflated, and the file; `None` where there is none.
 fn chunk_file(folder: &Path, name: &str, most_bytes: u64) -> Result<Option<(Vec<u8>, PathBuf)>> {
-    for ending in ["", ".gz"] {
+    // A server says in its answer how the file is compressed, and its reader undoes it.
+    let endings: &[(&str, Option<Coder>)] = match is_on_server(folder) {
+        true => &[("", None)],
+        false => &[
+            ("", None),
+            (".gz", Some(Coder::Gzip)),
+            (".br", Some(Coder::Brotli)),
+            (".zstd", Some(Coder::Zstd)),
+        ],
+    };
+    for (ending, coder) in endings {
         let path = folder.join(format!("{name}{ending}"));
-        let bytes = match pumice_core::read_input(&path, most_bytes) {
+        let bytes = match store_files::read(&path, most_bytes) {
             Ok(bytes) => bytes,
             Err(error) if is_absent(&error) => continue,
             Err(error) => return Err(FormatError::Io { path, source: error }),
         };
-        // Servers send files without an ending as they are stored: as gzip.
-        let bytes =
-            if bytes.starts_with(&[0x1F, 0x8B, 8]) { inflated(&path, &bytes, most_bytes)? } else { bytes };
-        return Ok(Some((bytes, path)));
-    }
-    for ending in [".br", ".zstd"] {
-        let path = folder.join(format!("{name}{ending}"));
-        if path.exists() {
-            return Err(FormatError::unsupported(
-                &path,
-                "the chunk is compressed as its ending says",
-                "compress the chunks with gzip",
-            ));
-        }
+        // Files that a server sent are without an ending as they are stored: as gzip.
+        let coder = coder.or_else(|| bytes.starts_with(&[0x1F, 0x8B, 8]).then_some(Coder::Gzip));
+        let plain = coder.map(|coder| coder.decode(&bytes, most_bytes)).transpose();
+        let plain = plain.map_err(|what| FormatError::damaged(&path, what))?;
+        return Ok(Some((plain.unwrap_or(bytes), path)));
     }
     Ok(None)
 }

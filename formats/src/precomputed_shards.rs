@@ -11,14 +11,15 @@
 use std::collections::HashMap;
 use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
+use std::sync::{Arc, Mutex, PoisonError};
 
-use pumice_core::reserve;
+use pumice_core::{open_input, reserve};
 use serde_json::Value;
 
 use crate::error::{FormatError, Result};
 use crate::precomputed::inflated;
-use crate::stores::is_absent;
-use crate::stream::open_file;
+use crate::server;
+use crate::store_files::{Part, is_absent, is_on_server};
 
 /// How chunks lie in shards.
 #[derive(Clone, Debug, PartialEq, Eq)]
@@ -139,34 +140,46 @@ const MOST_INDEX_BYTES: u64 = 1 << 30;
 pub(crate) struct Shards {
     folder: PathBuf,
     sharding: Sharding,
-    /// Indices by shard and minishard; `None` where there is none.
-    kept: HashMap<(u64, u64), Index>,
+    kept: Mutex<Kept>,
+}
+
+/// Indices that were read.
+#[derive(Default)]
+struct Kept {
+    /// By shard and minishard; empty where there is none.
+    indices: HashMap<(u64, u64), Arc<Index>>,
     entries: usize,
 }
 
 impl Shards {
     pub(crate) fn new(folder: PathBuf, sharding: Sharding) -> Self {
-        Self { folder, sharding, kept: HashMap::new(), entries: 0 }
+        Self { folder, sharding, kept: Mutex::default() }
     }
 
     /// The stored bytes of a chunk, and its file; `None` where no shard has it.
-    pub(crate) fn read(&mut self, id: u64, most_bytes: u64) -> Result<Option<(Vec<u8>, PathBuf)>> {
+    pub(crate) fn read(&self, id: u64, most_bytes: u64) -> Result<Option<(Vec<u8>, PathBuf)>> {
         let (shard, minishard) = self.sharding.place(id);
         let path = self.folder.join(self.sharding.file_name(shard));
-        if !self.kept.contains_key(&(shard, minishard)) {
-            let index = self.index(&path, minishard)?;
-            if self.entries + index.len() > KEPT_ENTRIES {
-                self.kept.clear();
-                self.entries = 0;
+        // The indices are whole between any two statements under the lock.
+        let kept = || self.kept.lock().unwrap_or_else(PoisonError::into_inner);
+        let known = kept().indices.get(&(shard, minishard)).cloned();
+        let index = match known {
+            Some(index) => index,
+            None => {
+                let index = Arc::new(self.index(&path, minishard)?);
+                let mut kept = kept();
+                if kept.entries + index.len() > KEPT_ENTRIES {
+                    *kept = Kept::default();
+                }
+                // An empty index costs memory too.
+                kept.entries += index.len() + 8;
+                kept.indices.insert((shard, minishard), Arc::clone(&index));
+                index
             }
-            // An empty index costs memory too.
-            self.entries += index.len() + 8;
-            self.kept.insert((shard, minishard), index);
-        }
-        let index = &self.kept[&(shard, minishard)];
+        };
         let Ok(at) = index.binary_search_by_key(&id, |entry| entry.0) else { return Ok(None) };
         let (_, begin, size) = index[at];
-        let mut bytes = part(&path, self.base() + begin, size, most_bytes)?;
+        let mut bytes = part_of(&path, self.base() + begin, size, most_bytes)?;
         if self.sharding.is_data_gzip {
             bytes = inflated(&path, &bytes, most_bytes)?;
         }
@@ -180,11 +193,7 @@ impl Shards {
 
     /// The index of a minishard; empty where the shard or the minishard is absent.
     fn index(&self, path: &Path, minishard: u64) -> Result<Index> {
-        match std::fs::metadata(path) {
-            Err(error) if is_absent(&error) => return Ok(Vec::new()),
-            other => other.map_err(FormatError::io(path))?,
-        };
-        let pair = part(path, 16 * minishard, 16, 16)?;
+        let Some(pair) = part(path, 16 * minishard, 16, 16)? else { return Ok(Vec::new()) };
         let number = |at: usize| u64::from_le_bytes(std::array::from_fn(|i| pair[at + i]));
         let (begin, end) = (number(0), number(8));
         if begin == end {
@@ -193,7 +202,7 @@ impl Shards {
         let wrong = |what: &str| FormatError::damaged(path, format!("minishard {minishard}: {what}"));
         let size = end.checked_sub(begin).ok_or_else(|| wrong("its index ends before it begins"))?;
         let begin = begin.checked_add(self.base()).ok_or_else(|| wrong("its index lies beyond the file"))?;
-        let mut bytes = part(path, begin, size, MOST_INDEX_BYTES)?;
+        let mut bytes = part_of(path, begin, size, MOST_INDEX_BYTES)?;
         if self.sharding.is_index_gzip {
             bytes = inflated(path, &bytes, MOST_INDEX_BYTES)?;
         }
@@ -223,9 +232,28 @@ impl Shards {
     }
 }
 
-/// A part of a file, of at most `most` bytes.
-fn part(path: &Path, begin: u64, size: u64, most: u64) -> Result<Vec<u8>> {
-    let mut file = open_file(path)?;
+/// A part of a file that is there, of at most `most` bytes.
+fn part_of(path: &Path, begin: u64, size: u64, most: u64) -> Result<Vec<u8>> {
+    part(path, begin, size, most)?.ok_or_else(|| FormatError::damaged(path, "the shard is no longer there"))
+}
+
+/// A part of a file, of at most `most` bytes; `None` where there is no file.
+fn part(path: &Path, begin: u64, size: u64, most: u64) -> Result<Option<Vec<u8>>> {
+    if is_on_server(path) {
+        if size > most {
+            return Err(too_long(path, size, most));
+        }
+        return match server::read(path, Part::Piece { begin, size }, most) {
+            Ok(bytes) => Ok(Some(bytes)),
+            Err(error) if is_absent(&error) => Ok(None),
+            Err(error) => Err(FormatError::Io { path: path.to_owned(), source: error }),
+        };
+    }
+    let mut file = match open_input(path) {
+        Ok(file) => file,
+        Err(error) if is_absent(&error) => return Ok(None),
+        Err(error) => return Err(FormatError::Io { path: path.to_owned(), source: error }),
+    };
     let has = file.metadata().map_err(FormatError::io(path))?.len();
     if begin.checked_add(size).is_none_or(|end| end > has) {
         return Err(FormatError::damaged(
@@ -234,16 +262,17 @@ fn part(path: &Path, begin: u64, size: u64, most: u64) -> Result<Vec<u8>> {
         ));
     }
     if size > most {
-        return Err(FormatError::damaged(
-            path,
-            format!("a part of the shard has {size} bytes, expected at most {most}"),
-        ));
+        return Err(too_long(path, size, most));
     }
     let mut bytes = reserve::zeroed(size as usize, "a chunk").map_err(FormatError::memory(path))?;
     file.seek(SeekFrom::Start(begin))
         .and_then(|_| file.read_exact(&mut bytes))
         .map_err(FormatError::io(path))?;
-    Ok(bytes)
+    Ok(Some(bytes))
+}
+
+fn too_long(path: &Path, size: u64, most: u64) -> FormatError {
+    FormatError::damaged(path, format!("a part of the shard has {size} bytes, expected at most {most}"))
 }
 
 #[cfg(test)]

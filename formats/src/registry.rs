@@ -7,6 +7,7 @@ use std::path::Path;
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::options::OpenOptions;
+use crate::store_files::plain_url;
 use crate::stream::open_file;
 use crate::volume_file::{Format, Takes, VolumeFile};
 use crate::{
@@ -35,9 +36,23 @@ const HEAD_BYTES: u64 = 1024;
 /// Reads the header of a file, or of a folder that is a store or holds TIFF slices. Raw voxels are read where the options describe them.
 pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     options.outputs.check_input(path)?;
+    if let (Some(url), Some(_)) = (plain_url(path), &options.raw) {
+        return Err(FormatError::unsupported(
+            &url,
+            "raw voxels are not read from a server",
+            "copy the file to this machine",
+        ));
+    }
     if let Some(layout) = &options.raw {
         refuse_others(path, options, Takes::NOTHING, "raw voxels", "raw voxels lie with x fastest")?;
         return raw::read(path, layout, options);
+    }
+    if let Some(url) = plain_url(path) {
+        stores::server_descriptions(&url)?;
+        return match FOLDERS.iter().find(|format| (format.recognises)(&url, &[])) {
+            Some(format) => read_folder(&url, format, options),
+            None => Err(unknown(&url, "no store that is known")),
+        };
     }
     // A file dialog that cannot choose a folder chooses the file in it that describes the store.
     let is_store = |folder: &&Path| FOLDERS.iter().any(|format| (format.recognises)(folder, &[]));
@@ -45,9 +60,7 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let metadata = std::fs::metadata(path).map_err(FormatError::io(path))?;
     if metadata.is_dir() {
         if let Some(format) = FOLDERS.iter().find(|format| (format.recognises)(path, &[])) {
-            let what = format!("{} folders", format.name);
-            refuse_others(path, options, format.takes, &what, &format!("{what} say which axis is which"))?;
-            return (format.read)(path, options);
+            return read_folder(path, format, options);
         }
         let axes = "slices of a folder have x and y, and lie along z";
         refuse_others(path, options, Takes::NOTHING, "a folder of slices", axes)?;
@@ -66,6 +79,13 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         }
         None => Err(unknown(path, &guess(&head))),
     }
+}
+
+/// Reads the description of a store.
+fn read_folder(folder: &Path, format: &Format, options: &OpenOptions) -> Result<VolumeFile> {
+    let what = format!("{} folders", format.name);
+    refuse_others(folder, options, format.takes, &what, &format!("{what} say which axis is which"))?;
+    (format.read)(folder, options)
 }
 
 /// Refuses the options that leave nothing to choose in a file; `what` is its kind in the plural, and `axes` says who decides their order.

@@ -11,7 +11,7 @@ use std::path::PathBuf;
 
 use pumice_core::{BlockSource, LabelBlock, VolumeInfo};
 
-use crate::chunks::Region;
+use crate::chunk_walk::Region;
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::{Layout, Role};

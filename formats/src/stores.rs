@@ -6,7 +6,8 @@ use pumice_core::error::one_line;
 use serde_json::Value;
 
 use crate::error::{FormatError, Result};
-use crate::stream::open_file;
+use crate::server;
+use crate::store_files::{self, is_on_server, plain_url};
 
 /// Largest description that is read. Consolidated metadata and long tables of names take some MB.
 const MOST_BYTES: u64 = 64 << 20;
@@ -22,36 +23,46 @@ pub(crate) fn folder_of(path: &Path) -> Option<&Path> {
         .then(|| if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
 }
 
+/// The files that describe a store on a server, by name. What the server says other than that one is absent is an error.
+///
+/// # Errors
+/// When the server cannot be read, or has none of them.
+pub fn server_descriptions(url: &Path) -> std::result::Result<Vec<(&'static str, Vec<u8>)>, FormatError> {
+    let Some(folder) = plain_url(url) else {
+        return Err(FormatError::option(url, "expected the URL of a store"));
+    };
+    let folder = folder.as_path();
+    if !server::IS_THERE {
+        let way_out = "install or build it with the feature http, or copy the folder to this machine";
+        return Err(FormatError::unsupported(folder, "this build reads nothing from servers", way_out));
+    }
+    let mut there = Vec::new();
+    for name in DESCRIPTIONS {
+        let path = folder.join(name);
+        let found = store_files::description(&path, MOST_BYTES).map_err(FormatError::io(&path))?;
+        there.extend(found.map(|bytes| (name, bytes)));
+    }
+    if !there.is_empty() {
+        return Ok(there);
+    }
+    let what = "the server gives none of the files that describe a store (zarr.json, .zarray, .zgroup, info, attributes.json)";
+    let way_out =
+        "give the URL of the folder that holds one; copy other files, such as TIFF, to this machine";
+    Err(FormatError::unsupported(folder, what, way_out))
+}
+
 /// The JSON object in file `name` of a folder; `None` where there is no such file.
 pub(crate) fn json(folder: &Path, name: &str) -> Result<Option<Value>> {
     let path = folder.join(name);
-    let found = match std::fs::metadata(&path) {
-        Ok(found) => found,
-        Err(error) if is_absent(&error) => return Ok(None),
-        Err(error) => return Err(FormatError::Io { path, source: error }),
+    let Some(text) = store_files::description(&path, MOST_BYTES).map_err(FormatError::io(&path))? else {
+        return Ok(None);
     };
-    if found.len() > MOST_BYTES {
-        return Err(FormatError::Limit {
-            path,
-            what: "the size of the description".into(),
-            got: format!("{} bytes", found.len()),
-            limit: MOST_BYTES,
-        });
-    }
-    let mut text = Vec::new();
-    std::io::Read::read_to_end(&mut std::io::Read::take(open_file(&path)?, MOST_BYTES), &mut text)
-        .map_err(FormatError::io(&path))?;
     let value: Value = serde_json::from_slice(&text)
         .map_err(|e| FormatError::damaged(&path, one_line(&format!("JSON: {e}"))))?;
     if !value.is_object() {
         return Err(FormatError::damaged(&path, "expected a JSON object, got something else"));
     }
     Ok(Some(value))
-}
-
-/// Whether the system says that there is no file of this name.
-pub(crate) fn is_absent(error: &std::io::Error) -> bool {
-    matches!(error.kind(), std::io::ErrorKind::NotFound | std::io::ErrorKind::NotADirectory)
 }
 
 /// Whole numbers of a JSON list.
@@ -73,6 +84,13 @@ pub(crate) fn find_below(
 ) -> Result<Vec<String>> {
     /// Entries that are looked at: the chunks of a flat store are not folders, but are listed too.
     const MOST_SEEN: usize = 100_000;
+    if is_on_server(folder) {
+        return Err(FormatError::unsupported(
+            folder,
+            "a server does not list what a folder holds",
+            "name the array by --dataset, or by its own URL",
+        ));
+    }
     let mut found = Vec::new();
     let mut left: Vec<(PathBuf, String, usize)> = vec![(folder.to_owned(), String::new(), 0)];
     let mut seen = 0;

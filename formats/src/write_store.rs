@@ -134,7 +134,7 @@ pub fn write_store(
 /// [`FormatError::Option`] where something has it.
 pub fn check_is_free(out: &Path) -> std::result::Result<(), FormatError> {
     match std::fs::symlink_metadata(out) {
-        Err(error) if crate::stores::is_absent(&error) => Ok(()),
+        Err(error) if crate::store_files::is_absent(&error) => Ok(()),
         Err(source) => Err(FormatError::Io { path: out.to_owned(), source }),
         Ok(_) => Err(FormatError::option(
             out,

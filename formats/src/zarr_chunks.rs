@@ -37,8 +37,8 @@ impl ZarrChunks {
         Self { path, array, shape, shards, options }
     }
 
-    fn retrieve(&mut self, index: &[u64]) -> std::result::Result<Option<Vec<u8>>, ArrayError> {
-        if let Some(shards) = &mut self.shards {
+    fn retrieve(&self, index: &[u64]) -> std::result::Result<Option<Vec<u8>>, ArrayError> {
+        if let Some(shards) = &self.shards {
             return shards.read(index);
         }
         let bytes: Option<ArrayBytes<'static>> =
@@ -49,7 +49,7 @@ impl ZarrChunks {
 }
 
 impl ChunkReader for ZarrChunks {
-    fn read(&mut self, chunk: &[u64]) -> Result<Option<Chunk>> {
+    fn read(&self, chunk: &[u64]) -> Result<Option<Chunk>> {
         // Axes that the volume has and the array lacks are slower than those of the array.
         let mut index = chunk[..self.shape.len()].to_vec();
         index.reverse();

@@ -13,7 +13,11 @@ use zarrs::storage::byte_range::{ByteRange, ByteRangeIterator};
 use zarrs::storage::{Bytes, MaybeBytes, MaybeBytesIterator, ReadableStorageTraits, StorageError, StoreKey};
 
 use crate::bounded_decoder::check_blosc;
-use crate::stores::is_absent;
+use crate::server;
+use crate::store_files::{Part, is_absent, is_on_server};
+
+/// Largest answer of a server that is read.
+const MOST_BYTES: u64 = 4 << 30;
 
 /// Files below a folder, by their path in it.
 #[derive(Debug)]
@@ -38,6 +42,24 @@ impl ZarrFiles {
         self.folder.join(key.as_str())
     }
 
+    /// A part of a file on a server; `None` where there is no file.
+    fn ask(&self, key: &StoreKey, part: Part) -> Result<MaybeBytes, StorageError> {
+        match server::read(&self.path(key), part, MOST_BYTES) {
+            Ok(bytes) => Ok(Some(bytes.into())),
+            Err(error) if is_absent(&error) => Ok(None),
+            Err(error) => Err(io(error)),
+        }
+    }
+
+    /// The whole of a file.
+    fn whole(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
+        if is_on_server(&self.folder) {
+            return self.ask(key, Part::Whole);
+        }
+        let Some((mut file, size)) = self.open(key)? else { return Ok(None) };
+        part(&mut file, size, ByteRange::FromStart(0, None)).map(Some)
+    }
+
     /// The file with its size; `None` where there is none.
     fn open(&self, key: &StoreKey) -> Result<Option<(File, u64)>, StorageError> {
         let opened = open_input(&self.path(key)).and_then(|file| {
@@ -49,6 +71,14 @@ impl ZarrFiles {
             Err(error) if is_absent(&error) => Ok(None),
             Err(error) => Err(io(error)),
         }
+    }
+}
+
+fn part_of(range: ByteRange) -> Part {
+    match range {
+        ByteRange::FromStart(begin, None) => Part::From(begin),
+        ByteRange::FromStart(begin, Some(size)) => Part::Piece { begin, size },
+        ByteRange::Suffix(size) => Part::Last(size),
     }
 }
 
@@ -84,8 +114,7 @@ fn part(file: &mut File, size: u64, range: ByteRange) -> Result<Bytes, StorageEr
 
 impl ReadableStorageTraits for ZarrFiles {
     fn get(&self, key: &StoreKey) -> Result<MaybeBytes, StorageError> {
-        let Some((mut file, size)) = self.open(key)? else { return Ok(None) };
-        let bytes = part(&mut file, size, ByteRange::FromStart(0, None))?;
+        let Some(bytes) = self.whole(key)? else { return Ok(None) };
         // The names of descriptions begin with a dot.
         if let Some(most) = self.blosc_most.filter(|_| !key.as_str().starts_with('.')) {
             check_blosc(&bytes, most).map_err(StorageError::Other)?;
@@ -98,11 +127,23 @@ impl ReadableStorageTraits for ZarrFiles {
         key: &StoreKey,
         byte_ranges: ByteRangeIterator<'a>,
     ) -> Result<MaybeBytesIterator<'a>, StorageError> {
+        if is_on_server(&self.folder) {
+            let parts: Option<Vec<Bytes>> =
+                byte_ranges.map(|range| self.ask(key, part_of(range))).collect::<Result<_, _>>()?;
+            return Ok(parts.map(|parts| Box::new(parts.into_iter().map(Ok)) as Box<_>));
+        }
         let Some((mut file, size)) = self.open(key)? else { return Ok(None) };
         Ok(Some(Box::new(byte_ranges.map(move |range| part(&mut file, size, range)))))
     }
 
     fn size_key(&self, key: &StoreKey) -> Result<Option<u64>, StorageError> {
+        if is_on_server(&self.folder) {
+            return match server::size(&self.path(key)) {
+                Ok(bytes) => Ok(Some(bytes)),
+                Err(error) if is_absent(&error) => Ok(None),
+                Err(error) => Err(io(error)),
+            };
+        }
         Ok(self.open(key)?.map(|(_, size)| size))
     }
 

@@ -4,6 +4,7 @@ use std::path::Path;
 
 use crate::error::Result;
 use crate::options::OpenOptions;
+use crate::store_files::is_file;
 use crate::volume_file::{Format, Takes, VolumeFile};
 
 /// Zarr and OME-Zarr folders.
@@ -23,7 +24,7 @@ pub(crate) const FORMAT: Format = Format {
 
 /// Whether a folder is a Zarr array or group, by the files in it. N5 has `attributes.json`.
 pub(crate) fn is_node(folder: &Path) -> bool {
-    let has = |name: &str| folder.join(name).is_file();
+    let has = |name: &str| is_file(&folder.join(name));
     has("zarr.json") || has(".zarray") || has(".zgroup") || (has(".zattrs") && !has("attributes.json"))
 }
 

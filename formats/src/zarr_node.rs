@@ -160,7 +160,7 @@ pub(crate) fn choose_dataset(
             }
         };
     }
-    if node.kind == Kind::Array || is_image(node) || node.path.join("labels").is_dir() && has_labels(node)? {
+    if node.kind == Kind::Array || is_image(node) || has_labels(node)? {
         return Ok(None);
     }
     let found = candidates(node)?;

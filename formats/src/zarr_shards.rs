@@ -6,8 +6,9 @@
 //! ```
 //! The crate `zarrs` decodes shards too, but adds the two numbers of an absent chunk, and says nothing of those that are absent.
 
+use std::collections::VecDeque;
 use std::num::NonZeroU64;
-use std::sync::Arc;
+use std::sync::{Arc, Mutex, PoisonError};
 
 use serde_json::Value;
 use zarrs::array::{
@@ -50,7 +51,7 @@ impl Sharding {
     }
 }
 
-/// The shard that was read last, and its index.
+/// A shard and its index.
 struct Opened {
     shard: Vec<u64>,
     /// Offset and bytes of each chunk; `None` where there is no shard.
@@ -63,9 +64,13 @@ pub(crate) struct Shards {
     sharding: Sharding,
     /// Chunks of a shard, in the order of the indices.
     chunks: Vec<NonZeroU64>,
-    opened: Option<Opened>,
+    /// The newest first.
+    opened: Mutex<VecDeque<Arc<Opened>>>,
     options: CodecOptions,
 }
+
+/// Indices of shards that are kept: chunks are read shard by shard, a few at a time.
+const KEPT_SHARDS: usize = 4;
 
 impl Shards {
     /// `chunks` are those of a shard along each index.
@@ -75,19 +80,14 @@ impl Shards {
         chunks: Vec<NonZeroU64>,
         options: CodecOptions,
     ) -> Self {
-        Self { array, sharding, chunks, opened: None, options }
+        Self { array, sharding, chunks, opened: Mutex::default(), options }
     }
 
     /// The bytes of a chunk, by its indices in the grid of chunks; `None` where the shard lacks it.
-    pub(crate) fn read(&mut self, chunk: &[u64]) -> Result<Option<Vec<u8>>, ArrayError> {
+    pub(crate) fn read(&self, chunk: &[u64]) -> Result<Option<Vec<u8>>, ArrayError> {
         let shard: Vec<u64> = chunk.iter().zip(&self.chunks).map(|(&c, n)| c / n.get()).collect();
-        if self.opened.as_ref().is_none_or(|opened| opened.shard != shard) {
-            let index = self.index(&shard)?;
-            self.opened = Some(Opened { shard: shard.clone(), index });
-        }
-        let Some(index) = self.opened.as_ref().and_then(|opened| opened.index.as_ref()) else {
-            return Ok(None);
-        };
+        let opened = self.opened(&shard)?;
+        let Some(index) = &opened.index else { return Ok(None) };
         let within =
             chunk.iter().zip(&self.chunks).fold(0, |at, (&c, n)| at * n.get() + c % n.get()) as usize;
         let (offset, bytes) = (index[2 * within], index[2 * within + 1]);
@@ -106,6 +106,20 @@ impl Shards {
             &self.options,
         )?;
         Ok(Some(plain.into_fixed().map_err(CodecError::from)?.into_owned()))
+    }
+
+    /// A shard with its index, which is read if it is not kept.
+    fn opened(&self, shard: &[u64]) -> Result<Arc<Opened>, ArrayError> {
+        // Each statement under the lock leaves the list whole.
+        let list = || self.opened.lock().unwrap_or_else(PoisonError::into_inner);
+        if let Some(kept) = list().iter().find(|opened| opened.shard == shard) {
+            return Ok(Arc::clone(kept));
+        }
+        let opened = Arc::new(Opened { shard: shard.to_vec(), index: self.index(shard)? });
+        let mut list = list();
+        list.truncate(KEPT_SHARDS - 1);
+        list.push_front(Arc::clone(&opened));
+        Ok(opened)
     }
 
     /// The index of a shard; `None` where there is no shard.

@@ -9,7 +9,7 @@ use pumice_core::{
     BlockSource, CompressOptions, CompressedVolume, Job, LabelTable, MeshData, Residency, Series,
     frames_in_file, open_input,
 };
-use pumice_formats::OpenOptions;
+use pumice_formats::{OpenOptions, is_on_server};
 use pumice_scene::{Instance, Reading, Scene, Show};
 
 use crate::error::{Result, SessionError, io};
@@ -20,7 +20,7 @@ use crate::reading::options_for;
 /// # Errors
 /// When the file cannot be read.
 pub fn is_pumice_file(path: &Path) -> Result<bool> {
-    if path.is_dir() {
+    if path.is_dir() || is_on_server(path) {
         return Ok(false);
     }
     let mut magic = [0u8; 8];

@@ -3,6 +3,7 @@
 //! ```text
 //! file             its length, and its bytes: all of a small one, of a larger one 64 pieces from first to last
 //! store (folder)   the files that describe it, at the top and one folder below; not its chunks, which may be millions
+//! store (server)   the same files, at the top alone
 //! other folder     names and lengths of its files (TIFF slices)
 //! both             the table of joined ids, in the same way
 //! ```
@@ -14,8 +15,8 @@ use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
 use pumice_core::{PartSource, open_input};
-use pumice_formats::OpenOptions;
-use xxhash_rust::xxh3::Xxh3;
+use pumice_formats::{OpenOptions, is_on_server, server_descriptions};
+use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
 use crate::error::{Result, io};
 
@@ -33,6 +34,15 @@ const METADATA: [&str; 7] =
 /// When the source or the table of joined ids cannot be read.
 pub fn source_of(path: &Path, reading: &OpenOptions) -> Result<PartSource> {
     let mut hash = Xxh3::new();
+    if is_on_server(path) {
+        for (name, bytes) in server_descriptions(path)? {
+            hash.update(name.as_bytes());
+            hash.update(&(bytes.len() as u64).to_le_bytes());
+            hash.update(&bytes);
+        }
+        reading.relabel.iter().try_for_each(|table| add_file(table, &mut hash))?;
+        return Ok(source(path, &hash, reading));
+    }
     let files = files_of(path)?;
     for file in files.iter().chain(&reading.relabel) {
         if path.is_dir() {
@@ -43,15 +53,24 @@ pub fn source_of(path: &Path, reading: &OpenOptions) -> Result<PartSource> {
     if files.is_empty() {
         add_names(path, &mut hash)?;
     }
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    Ok(PartSource { name, fingerprint: format!("{:032x}", hash.digest128()), reading: reading.to_string() })
+    Ok(source(path, &hash, reading))
 }
 
-/// When a source was changed last, as far as its fingerprint sees its files: seconds and nanoseconds since 1970, and the length of each.
+fn source(path: &Path, hash: &Xxh3, reading: &OpenOptions) -> PartSource {
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    PartSource { name, fingerprint: format!("{:032x}", hash.digest128()), reading: reading.to_string() }
+}
+
+/// When a source was changed last, as far as its fingerprint sees its files: seconds and nanoseconds since 1970, and the length of each. Of
+/// files on a server, a hash in place of the time.
 ///
 /// # Errors
 /// When the source cannot be read.
 pub fn changes_of(path: &Path, reading: &OpenOptions) -> Result<Vec<(u64, u32, u64)>> {
+    if is_on_server(path) {
+        let of_file = |(_, bytes): (&str, Vec<u8>)| (xxh3_64(&bytes), 0, bytes.len() as u64);
+        return Ok(server_descriptions(path)?.into_iter().map(of_file).collect());
+    }
     let files = files_of(path)?;
     let own = if files.is_empty() { vec![path.to_owned()] } else { files };
     let of_file = |path: &PathBuf| {

@@ -19,6 +19,7 @@ import zarr
 import zstandard
 from zarr.codecs import BloscCodec, BytesCodec, GzipCodec, TransposeCodec, ZstdCodec
 
+import npm_package
 from format_dump import affine, build, pattern
 
 INTEGERS = ["u1", "u2", "u4", "u8", "i1", "i2", "i4", "i8"]
@@ -339,6 +340,34 @@ def test_precomputed_compresso(formats, tmp_path, dtype, steps, indexed, connect
     for keep in [0, 3, 35, 36, 60, len(stream) - 1]:
         (folder / "s" / f"{name}.gz").write_bytes(gzip.compress(stream[:keep]))
         assert "chunk (1, 2, 2)" in formats.refuse(folder)
+
+
+# Compresses as brotli each file that is named, with another program's encoder.
+BROTLI = """
+const [fs, zlib] = [require("fs"), require("zlib")];
+for (const file of process.argv.slice(1)) fs.writeFileSync(file + ".br", zlib.brotliCompressSync(fs.readFileSync(file)));
+"""
+
+
+@pytest.mark.parametrize("ending", [".gz", ".br", ".zstd"])
+def test_precomputed_chunks_that_are_compressed_again(formats, tmp_path, ending):
+    """As cloud-volume stores them: with the ending of what has compressed them."""
+    labels = blobs()
+    precomputed(tmp_path / "a", labels, {"encoding": "raw", "key": "s"})
+    chunks = sorted((tmp_path / "a" / "s").iterdir())
+    if ending == ".br":
+        subprocess.run([npm_package.node(), "-e", BROTLI, *chunks], check=True)
+    for chunk in chunks:
+        compress = {".gz": gzip.compress, ".zstd": zstandard.ZstdCompressor().compress}.get(ending)
+        if compress:
+            chunk.with_name(chunk.name + ending).write_bytes(compress(chunk.read_bytes()))
+        chunk.unlink()
+    assert np.array_equal(formats.read(tmp_path / "a", tmp_path)[1], labels.astype("u8"))
+    damaged = chunks[1].with_name(chunks[1].name + ending)
+    content = damaged.read_bytes()
+    for wrong in (content[: len(content) // 2], b"", b"no " + content):
+        damaged.write_bytes(wrong)
+        assert damaged.name in formats.refuse(tmp_path / "a")
 
 
 def test_precomputed_scales_offset_gzip_and_names(formats, tmp_path):

@@ -11,7 +11,7 @@ use std::process::Command;
 use serde_json::{Value, json};
 
 /// SPDX names of licences that are compatible with MIT OR Apache-2.0.
-const LICENSES: [&str; 11] = [
+const LICENSES: [&str; 12] = [
     "MIT",
     "Apache-2.0",
     "Apache-2.0 WITH LLVM-exception",
@@ -24,6 +24,8 @@ const LICENSES: [&str; 11] = [
     "CC0-1.0",
     // BSD without the clause on endorsement, for `libbz2-rs-sys`.
     "bzip2-1.0.6",
+    // For the list of certificate authorities in `webpki-roots`: asks of whoever passes it on to keep its text.
+    "CDLA-Permissive-2.0",
 ];
 const REGISTRY: &str = "registry+https://github.com/rust-lang/crates.io-index";
 /// Crates that need more than a C compiler on a user's machine, with what they need.

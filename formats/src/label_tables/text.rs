@@ -2,10 +2,9 @@
 
 use std::path::Path;
 
-use pumice_core::read_input;
-
 use super::wrong_cell;
 use crate::error::{FormatError, Result};
+use crate::store_files;
 
 /// Longest table that is read: 10⁷ labels with a hundred bytes each.
 const MOST_BYTES: u64 = 1 << 30;
@@ -18,7 +17,7 @@ pub(super) const MOST_ROWS: usize = 1 << 24;
 /// # Errors
 /// When it is no file, is too long, or is not UTF-8; then the line is named.
 pub(super) fn read(path: &Path) -> Result<String> {
-    let mut bytes = read_input(path, MOST_BYTES).map_err(FormatError::io(path))?;
+    let mut bytes = store_files::read(path, MOST_BYTES).map_err(FormatError::io(path))?;
     let wide = bytes.starts_with(b"\xFF\xFE") || bytes.starts_with(b"\xFE\xFF");
     if wide || bytes.iter().take(1000).any(|&b| b == 0) {
         let what = match wide {

@@ -4,7 +4,7 @@ use std::path::Path;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, Job, MeshData, frames_in_file};
-use pumice_formats::OpenOptions;
+use pumice_formats::{OpenOptions, is_on_server};
 use pumice_scene::{Scene, Show};
 
 use super::overrides::apply;
@@ -101,6 +101,12 @@ pub(crate) fn open_scene(
         record(&mut scene, reading);
         (scene, volumes, meshes)
     } else {
+        if is_on_server(path) {
+            return Err(SessionError::Caller(format!(
+                "{}: it lies on a server, and a picture names the files that it is made of: compress it first (pumice compress URL -o FILE.pumice)",
+                path.display()
+            )));
+        }
         let reading = &OpenOptions { time: overrides.time_step.or(reading.time), ..reading.clone() };
         let shows = instead.as_ref().unwrap_or(&Show::All);
         let volume = open_chosen(path, &[shows], reading, residence, job)?;
