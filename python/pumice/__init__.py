@@ -22,7 +22,7 @@ from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
 from .neuroglancer import open_state
-from .parts import chunk_count, compress_part, merge
+from .parts import chunk_count, compress_file, compress_part, merge
 from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
 from .reference_picture import ReferencePicture
 from .renderer import Renderer
@@ -66,6 +66,7 @@ __all__ = [
     "agreement",
     "chunk_count",
     "compress",
+    "compress_file",
     "compress_part",
     "compress_series",
     "count_faces",

@@ -554,6 +554,12 @@ def compress(source: str | PathLike[str] | Incomplete, *, given: str | Annotatio
     does not fit.
     """
 
+def compress_file(source: str | PathLike[str] | Incomplete, out: str | PathLike[str], *, level: str = "default", given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[str, list[str]]:
+    """
+    Compresses a file, or blocks, into a `.pumice` file, which never is in memory as a whole; returns what was written as JSON text, and the
+    warnings of the reader with what of the table does not fit.
+    """
+
 def compress_part(source: str | PathLike[str] | Incomplete, out: str | PathLike[str], *, chunks: str, source_name: str, fingerprint: str, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> list[str]:
     """
     Compresses some chunks of a file, or of blocks that are of these chunks alone, into a part; returns the reader's warnings. `source_name` and
@@ -595,6 +601,11 @@ def figure(volume: Volume, source: str | PathLike[str], size: SupportsLenAndGetI
     """
     Composes a scene that shows a volume: places, frames, colours and lights it. `labels` are ids; `flags` are those of `pumice render`, without
     their dashes, each with its text.
+    """
+
+def is_on_server(path: str | PathLike[str]) -> bool:
+    """
+    Whether a path is the URL of a store on a server.
     """
 
 def merge(parts: SupportsGetItem[int, str | PathLike[str]], out: str | PathLike[str], *, level: str = "default", given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, job: Job | None = None) -> tuple[str, list[str]]:

@@ -75,7 +75,8 @@ def compress(
     array: Any = source
     path = ""
     if isinstance(source, (str, os.PathLike)):
-        path = os.path.abspath(arguments.path("source", source))
+        path = arguments.path("source", source)
+        path = path if _native.is_on_server(path) else os.path.abspath(path)
         dims = _dims_of(path, keywords)
     else:
         if not hasattr(source, "dtype") or not hasattr(source, "shape") or len(source.shape) != 3:

@@ -1,4 +1,5 @@
-"""Parts of a volume: some of its chunks, compressed by themselves on any machine, and joined to the file of the whole volume."""
+"""Volumes that never are in memory as a whole: compressed from file to file, or in parts, some of its chunks each, on any machine, which are
+joined to the file of the whole volume."""
 
 from __future__ import annotations
 
@@ -25,6 +26,49 @@ def chunk_count(dims: Sequence[int]) -> int:
     """Number of chunks of 1024³ voxels of a volume of `dims` voxels along x, y, z. They are numbered from 0 in Morton order of the grid of chunks."""
     x, y, z = (arguments.whole("dims", size, 0, arguments.MOST_32) for size in dims)
     return _native.chunk_count((x, y, z))
+
+
+@checked
+def compress_file(
+    source: Path | Any,
+    out: Path,
+    *,
+    level: Level = "default",
+    spacing: Sequence[float] | None = None,
+    unit: str = "",
+    world_from_index: npt.ArrayLike | None = None,
+    names: Mapping[int, str] | None = None,
+    types: Mapping[int, str] | Path | None = None,
+    table: AnnotationTable | Path | None = None,
+    memory_limit: int | None = None,
+    threads: int = 0,
+    job: Job | None = None,
+    **choice: Unpack[Choice],
+) -> dict[str, Any]:
+    """Compresses `source` into the `.pumice` file `out`, as `pumice compress` does: neither voxels nor result are in memory as a whole.
+
+    `source` and the other keywords are as for `compress`, those of reading as for `open`, and `level` is as for `Volume.save`; but `memory_limit`
+    need not hold the result. The file appears complete or not at all. Returns `dims`, and the numbers of `labels`, `boxes` and `bytes_disk`."""
+    if types is not None and table is not None:
+        raise InputError("give types or table, not both")
+    typed = type_table(types)
+    table, told = table_of(table)
+    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
+    if memory_limit is not None:
+        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    described, read_as = described_source(source, spacing, unit, world_from_index, names, choice_of(source, choice))
+    written, odd = _native.compress_file(
+        described,
+        arguments.path("out", out),
+        level=level,
+        given=typed if table is None else table.native(),
+        memory_limit=memory_limit,
+        threads=threads,
+        read_as=read_as,
+        job=job,
+    )
+    warn([*told, *odd])
+    return _outcome(written)
 
 
 @checked
@@ -108,6 +152,10 @@ def merge(
         job=job,
     )
     warn([*told, *odd])
+    return _outcome(written)
+
+
+def _outcome(written: str) -> dict[str, Any]:
     outcome: dict[str, Any] = json.loads(written)
     outcome["dims"] = tuple(outcome["dims"])
     return outcome

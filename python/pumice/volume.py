@@ -370,7 +370,8 @@ def open(
     job: Job | None = None,
     **reading: Unpack[Reading],
 ) -> Volume:
-    """Opens a `.pumice` file, or any label volume of a known format, which is compressed in memory.
+    """Opens a `.pumice` file, or any label volume of a known format, which is compressed in memory. `path` may be the URL of a store
+    (`https://`, `gs://`, `s3://`) in builds with the feature `http`.
 
     `labels`: only these ids are read from a `.pumice` file. The table still has all labels; voxels of the others are background (0),
     they have no boxes and empty bounds, and the volume cannot be saved.
@@ -397,7 +398,7 @@ def open(
     read_as = arguments.reading(reading)
     native, odd = _native.open(arguments.path("path", path), labels=chosen, mapped=mapped, job=job, read_as=read_as)
     warn(odd)
-    return Volume(native, (os.path.abspath(path), read_as))
+    return Volume(native, source_of(path, read_as))
 
 
 @checked
@@ -464,7 +465,13 @@ def compress(
     warn([*told, *odd])
     # What a table says of the labels is not in the file.
     is_file = isinstance(described, str) and types is None and table is None
-    return Volume(native, (os.path.abspath(str(described)), read_as) if is_file else None)
+    return Volume(native, source_of(str(described), read_as) if is_file else None)
+
+
+def source_of(path: Path, read_as: arguments.ReadAs) -> tuple[Path, arguments.ReadAs | None] | None:
+    """The file that a volume comes from, for scenes that name it; None for a store on a server, which a picture cannot be made again from."""
+    text = os.fspath(path)
+    return None if _native.is_on_server(text) else (os.path.abspath(text), read_as)
 
 
 def described_source(

@@ -55,7 +55,7 @@ mod _native {
     #[pymodule_export]
     use crate::neuroglancer::open_state;
     #[pymodule_export]
-    use crate::parts::{chunk_count, chunk_regions, compress_part, merge};
+    use crate::parts::{chunk_count, chunk_regions, compress_file, compress_part, merge};
     #[pymodule_export]
     use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, read_picture, render};
     #[pymodule_export]
@@ -69,7 +69,7 @@ mod _native {
     #[pymodule_export]
     use crate::surface::{count_faces, surface};
     #[pymodule_export]
-    use crate::volume::{Volume, compress, distinct_colors, open, probe, volume_info};
+    use crate::volume::{Volume, compress, distinct_colors, is_on_server, open, probe, volume_info};
 
     #[pymodule_init]
     fn init(module: &Bound<'_, PyModule>) -> PyResult<()> {

@@ -1,16 +1,16 @@
-//! Parts of a volume: compressing some of its chunks, and joining parts to the volume's file.
+//! Files that never are in memory as a whole: of a volume, of some of its chunks, and of parts that are joined.
 
 use std::path::PathBuf;
 
 use pumice_core::{
-    ChunkGrid, ChunkSet, CompressOptions, Outputs, PartSource, VoxelRegion, compress_part as core_part,
-    merge_parts,
+    ChunkGrid, ChunkSet, CompressOptions, Outputs, PartSource, VoxelRegion, WrittenVolume,
+    compress_part as core_part, compress_to_file, merge_parts,
 };
 use pumice_session::{PartRequest, SessionError, describing};
 use pyo3::prelude::*;
 use serde_json::json;
 
-use crate::errors::input;
+use crate::errors::{IntoException as _, input};
 use crate::job::{Job, job_of};
 use crate::volume::{Given, ReadAs, Source, level_of, reading, with_source};
 use crate::waiting::released;
@@ -71,6 +71,49 @@ pub(crate) fn compress_part(
     Ok(reading.warnings.list())
 }
 
+/// Compresses a file, or blocks, into a `.pumice` file, which never is in memory as a whole; returns what was written as JSON text, and the
+/// warnings of the reader with what of the table does not fit.
+#[pyfunction]
+#[pyo3(signature = (source, out, *, level="default", given=None, memory_limit=None, threads=0, read_as, job=None))]
+#[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
+pub(crate) fn compress_file(
+    py: Python<'_>,
+    source: Source,
+    out: PathBuf,
+    level: &str,
+    given: Option<Given>,
+    memory_limit: Option<u64>,
+    threads: usize,
+    read_as: ReadAs,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<(String, Vec<String>)> {
+    let job = job_of(job);
+    let (level, reading) = (level_of(level)?, reading(read_as)?);
+    let (types, table) = given.as_ref().map_or(Ok((None, None)), Given::parts)?;
+    let options =
+        CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
+    reading.outputs.declare(&out).map_err(|e| SessionError::from(e).into_exception())?;
+    let (written, notes) = with_source(py, source, &reading, &job, |source| {
+        let table = table.map(|table| (table, Vec::new()));
+        let (written, fit) = describing(table, |describe| {
+            Ok(compress_to_file(source, &out, level, &options, describe, &job)?)
+        })?;
+        Ok((written, fit.map_or_else(Vec::new, |fit| fit.notes)))
+    })?;
+    Ok((told(&written), [reading.warnings.list(), notes].concat()))
+}
+
+/// What was written as JSON text.
+fn told(written: &WrittenVolume) -> String {
+    let told = json!({
+        "dims": written.dims,
+        "labels": written.labels,
+        "boxes": written.boxes,
+        "bytes_disk": written.bytes_disk,
+    });
+    told.to_string()
+}
+
 /// Joins parts to the volume's file; returns what was written as JSON text, and what of the table does not fit.
 #[pyfunction]
 #[pyo3(signature = (parts, out, *, level="default", given=None, memory_limit=None, threads=0, job=None))]
@@ -99,11 +142,5 @@ pub(crate) fn merge(
             describing(table, |describe| Ok(merge_parts(&parts, &out, level, &options, describe, &job)?))?;
         Ok::<_, SessionError>((written, fit.map_or_else(Vec::new, |fit| fit.notes)))
     })?;
-    let told = json!({
-        "dims": written.dims,
-        "labels": written.labels,
-        "boxes": written.boxes,
-        "bytes_disk": written.bytes_disk,
-    });
-    Ok((told.to_string(), notes))
+    Ok((told(&written), notes))
 }

@@ -614,6 +614,13 @@ impl BlocksOfPython<'_> {
     }
 }
 
+/// Whether a path is the URL of a store on a server.
+#[pyfunction]
+#[pyo3(signature = (path))]
+pub(crate) fn is_on_server(path: PathBuf) -> bool {
+    pumice_formats::is_on_server(&path)
+}
+
 /// The JSON form of a volume's description, built from its parts: `world_from_index` is twelve numbers in column-major order.
 #[pyfunction]
 #[pyo3(signature = (dims, label_type, world_from_index, unit, names))]

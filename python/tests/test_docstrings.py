@@ -26,6 +26,7 @@ COMMANDS = {
     "open": (["figure", "reading"], {"mapped"}),
     "probe": (["info", "reading"], set()),
     "compress": (["compress", "reading"], {"source", "unit", "world_from_index", "names"}),
+    "compress_file": (["compress", "reading"], {"source", "unit", "world_from_index", "names"}),
     "compress_part": (["compress", "reading"], {"source", "fingerprint", "unit", "world_from_index", "names"}),
     "compress_series": (["compress", "reading"], {"source", "unit", "world_from_index", "names"}),
     "merge": (["merge"], set()),

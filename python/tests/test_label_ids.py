@@ -121,7 +121,7 @@ NAMES = [
     *["LabelGroups", "LabelGroups.with_colors", "Scene.with_labels", "Session.set_labels", "Picture.matte", "figure", *OF_JSON],
 ]
 # Those that take one id, or ids as keys.
-ONE = ["LabelTable.index_of", "compress", "compress_part", "compress_series", "merge", "figure"]
+ONE = ["LabelTable.index_of", "compress", "compress_file", "compress_part", "compress_series", "merge", "figure"]
 
 
 def test_no_function_that_takes_ids_is_missing(calls):
@@ -218,6 +218,8 @@ def test_keys_that_are_no_ids_are_refused(volume, key, tmp_path):
         lambda: volume.labels.index_of(key),
         lambda: pumice.compress(array, names={key: "a"}),
         lambda: pumice.compress(array, types={key: "a"}),
+        lambda: pumice.compress_file(array, tmp_path / "a.pumice", names={key: "a"}),
+        lambda: pumice.compress_file(array, tmp_path / "a.pumice", types={key: "a"}),
         lambda: pumice.compress_part(array, tmp_path / "a.part", 0, names={key: "a"}),
         lambda: pumice.merge([], tmp_path / "a.pumice", types={key: "a"}),
         lambda: pumice.compress_series([array], tmp_path / "a.pumice", names={key: "a"}),

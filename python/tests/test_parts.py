@@ -82,3 +82,45 @@ def test_what_is_wrong_is_one_line(array, tmp_path):
     with pytest.raises(pumice.InputError, match="fingerprint"):
         pumice.compress_part(tmp_path / "x.npy", part, 0, fingerprint="one")
     assert not out.exists()
+
+
+def test_a_file_is_compressed_to_a_file(array, whole, tmp_path):
+    out = tmp_path / "out.pumice"
+    written = pumice.compress_file(tmp_path / "whole.npy", out, axes="zyx")
+    assert out.read_bytes() == whole
+    assert written == {"dims": SHAPE[::-1], "labels": 8, "boxes": written["boxes"], "bytes_disk": len(whole)} and written["boxes"] > 0
+    pumice.compress_file(array, out, axes="zyx", unit="nm", types={1001: "soma"}, level="small")
+    pumice.compress(array, axes="zyx", unit="nm", types={1001: "soma"}).save(tmp_path / "in memory.pumice", level="small")
+    assert out.read_bytes() == (tmp_path / "in memory.pumice").read_bytes()
+    with pytest.warns(pumice.PumiceWarning, match="1 of 1 rows|not in the volume"):
+        pumice.compress_file(array, out, axes="zyx", table=pumice.AnnotationTable([5], names=["nobody"]))
+
+
+def test_a_limit_need_not_hold_the_result(tmp_path):
+    """Columns of 2 × 2 voxels with random ids: the result, 4.9 MB, is more than half of the limit, so in memory it is refused."""
+    columns = np.random.default_rng(5).integers(0, 1 << 10, (64, 100, 100), np.uint32).repeat(2, 1).repeat(2, 2)
+    limit = 8 << 20
+    with pytest.raises(pumice.InputError, match="bytes of memory: 9[0-9]* is more than the limit of 8388608"):
+        pumice.compress(columns, axes="zyx", memory_limit=limit, threads=1)
+    written = pumice.compress_file(columns, tmp_path / "columns.pumice", axes="zyx", memory_limit=limit, threads=1)
+    assert written["labels"] == (1 << 10) - 1
+    assert np.array_equal(pumice.open(tmp_path / "columns.pumice").decode(), columns.transpose())
+
+
+def test_a_fault_leaves_no_file(array, tmp_path):
+    out = tmp_path / "out.pumice"
+    np.save(tmp_path / "negative.npy", np.full((3, 4, 5), -1, np.int16))
+    for source, why in ((tmp_path / "negative.npy", "voxel"), (tmp_path / "none.npy", "none.npy"), (array.astype(np.complex64), "complex")):
+        with pytest.raises((pumice.InputError, OSError), match=why):
+            pumice.compress_file(source, out, axes="zyx")
+        assert not out.exists()
+    with open(out, "wb") as file:
+        np.save(file, array)
+    with pytest.raises(pumice.InputError, match="one that is read"):
+        pumice.compress_file(out, out, axes="zyx")
+    assert np.array_equal(np.load(out), array)
+    job = pumice.Job()
+    job.cancel()
+    with pytest.raises(pumice.Cancelled):
+        pumice.compress_file(array, tmp_path / "b.pumice", axes="zyx", job=job)
+    assert not (tmp_path / "b.pumice").exists()

@@ -97,6 +97,14 @@ def made(small, tmp_path_factory):
         "compress with a table": (pumice.compress, {"source": small, "world_from_index": np.eye(4), "table": table}),
         "compress a file": (pumice.compress, {"source": folder / "v.npy", "types": folder / "types.csv", **reading}),
         "chunk_count": (pumice.chunk_count, {"dims": (4, 4, 4)}),
+        "compress_file": (
+            pumice.compress_file,
+            {
+                **{"source": small, "out": "out.pumice", "level": "fast", "spacing": (1, 1, 1), "unit": "nm", "names": {1: "a"}, "types": {1: "a"}},
+                **{"memory_limit": 1 << 30, "threads": 1, "job": None, "axes": "xyz"},
+            },
+        ),
+        "compress_file with a table": (pumice.compress_file, {"source": small, "out": "out.pumice", "world_from_index": np.eye(4), "table": table}),
         "compress_part": (
             pumice.compress_part,
             {
@@ -184,7 +192,7 @@ def made(small, tmp_path_factory):
 # The names in `made`, which needs a volume, and so is a fixture.
 NAMES = [
     *["open", "open labels", "open raw", "probe", "compress", "compress with a table", "compress a file", "distinct_colors"],
-    *["chunk_count", "compress_part", "merge", "compress_series", "compress_series of a file"],
+    *["chunk_count", "compress_file", "compress_file with a table", "compress_part", "merge", "compress_series", "compress_series of a file"],
     *["Volume.save", "Volume.verify", "Volume.decode", "Volume.label_at", "Volume.faces", "Volume.coarse_surface"],
     *["LabelTable.index_of", "LabelTable.rows_of", "LabelTable.isin", "LabelTable.query", "LabelTable.auto_colors"],
     *["AnnotationTable", "AnnotationTable.save"],
