@@ -46,8 +46,7 @@ pub fn server_descriptions(url: &Path) -> std::result::Result<Vec<(&'static str,
         return Ok(there);
     }
     let what = "the server gives none of the files that describe a store (zarr.json, .zarray, .zgroup, info, attributes.json)";
-    let way_out =
-        "give the URL of the folder that holds one; copy other files, such as TIFF, to this machine";
+    let way_out = "give the URL of the folder that holds one (private buckets are not read); copy other files, such as TIFF, to this machine";
     Err(FormatError::unsupported(folder, what, way_out))
 }
 

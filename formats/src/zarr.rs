@@ -209,7 +209,7 @@ impl Opened {
         };
         let label_type = node.label_type()?;
         zarr_codecs::register();
-        let mut files = ZarrFiles::new(path.to_owned());
+        let mut files = ZarrFiles::new(path.to_owned()).with_answers_of(node.most_of_a_file(label_type));
         if let Some(most) = node.blosc_most(label_type) {
             files = files.with_blosc_of(most);
         }

@@ -16,8 +16,8 @@ use crate::bounded_decoder::check_blosc;
 use crate::server;
 use crate::store_files::{Part, is_absent, is_on_server};
 
-/// Largest answer of a server that is read.
-const MOST_BYTES: u64 = 4 << 30;
+/// Largest answer of a server that is read before it is known what a chunk holds: metadata of version 3.
+const MOST_METADATA: u64 = 64 << 20;
 
 /// Files below a folder, by their path in it.
 #[derive(Debug)]
@@ -25,11 +25,13 @@ pub(crate) struct ZarrFiles {
     folder: PathBuf,
     /// Bytes of a chunk, where chunks are frames of blosc.
     blosc_most: Option<u64>,
+    /// Most bytes of an answer of a server.
+    answer_most: u64,
 }
 
 impl ZarrFiles {
     pub(crate) fn new(folder: PathBuf) -> Self {
-        Self { folder, blosc_most: None }
+        Self { folder, blosc_most: None, answer_most: MOST_METADATA }
     }
 
     /// Checks that chunks, which are frames of blosc, hold at most so many bytes: `zarrs` decodes those of Zarr 2 by itself, and allocates what they
@@ -38,13 +40,18 @@ impl ZarrFiles {
         Self { blosc_most: Some(most), ..self }
     }
 
+    /// Takes answers of a server of so many bytes, if those are more than metadata may have.
+    pub(crate) fn with_answers_of(self, most: u64) -> Self {
+        Self { answer_most: most.max(MOST_METADATA), ..self }
+    }
+
     pub(crate) fn path(&self, key: &StoreKey) -> PathBuf {
         self.folder.join(key.as_str())
     }
 
     /// A part of a file on a server; `None` where there is no file.
     fn ask(&self, key: &StoreKey, part: Part) -> Result<MaybeBytes, StorageError> {
-        match server::read(&self.path(key), part, MOST_BYTES) {
+        match server::read(&self.path(key), part, self.answer_most) {
             Ok(bytes) => Ok(Some(bytes.into())),
             Err(error) if is_absent(&error) => Ok(None),
             Err(error) => Err(io(error)),

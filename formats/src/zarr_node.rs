@@ -94,6 +94,15 @@ impl Node {
         })
     }
 
+    /// Most bytes of a file with a chunk, or a shard, of an array: what cannot be compressed becomes a little longer, and a shard has an index.
+    pub(crate) fn most_of_a_file(&self, label_type: LabelType) -> u64 {
+        let of_v3 = || self.metadata.pointer("/chunk_grid/configuration/chunk_shape");
+        let chunk = numbers(self.metadata.get("chunks").or_else(of_v3)).unwrap_or_default();
+        let element = Element::new(label_type, false).bytes() as u64;
+        let plain = chunk.iter().fold(element, |bytes, &size| bytes.saturating_mul(size));
+        plain.saturating_mul(2).saturating_add(1 << 20)
+    }
+
     /// Bytes of a chunk of an array of Zarr 2 whose chunks are frames of blosc.
     pub(crate) fn blosc_most(&self, label_type: LabelType) -> Option<u64> {
         let compressor = self.metadata.get("compressor")?.get("id")?.as_str()?;

@@ -10,8 +10,8 @@ use super::Reading;
 
 /// Compress a label volume, or a time series of them, losslessly into a .pumice file
 ///
-/// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage, HDF5 and raw files, and folders of Zarr, OME-Zarr, Neuroglancer and N5, as a stream: the whole volume is never in
-/// memory. The output file appears under its final name only when it is complete.
+/// Reads NRRD, NIfTI, TIFF (also a folder of slices), NPY, NPZ, MetaImage, HDF5 and raw files, and folders of Zarr, OME-Zarr, Neuroglancer and N5
+/// (by their URL too, in builds with the feature http), as a stream: the whole volume is never in memory. The output file appears under its final name only when it is complete.
 #[derive(Debug, Args)]
 pub(crate) struct Compress {
     /// Label volume; several files, or a name with {t} in place of a number, are the time steps of one series
