@@ -3,7 +3,6 @@ joined to the file of the whole volume."""
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Unpack
@@ -13,9 +12,10 @@ import numpy.typing as npt
 from . import _native, arguments
 from .arguments import Choice, Level, Path
 from .checked import checked
+from .compressing import labels_given, limits_of, outcome_of
 from .errors import InputError
 from .label_table import AnnotationTable
-from .volume import MOST_THREADS, choice_of, described_source, table_of, type_table, warn
+from .volume import choice_of, described_source, warn
 
 Job = _native.Job
 Chunks = str | int | Iterable[int]
@@ -49,26 +49,20 @@ def compress_file(
 
     `source` and the other keywords are as for `compress`, those of reading as for `open`, and `level` is as for `Volume.save`; but `memory_limit`
     need not hold the result. The file appears complete or not at all. Returns `dims`, and the numbers of `labels`, `boxes` and `bytes_disk`."""
-    if types is not None and table is not None:
-        raise InputError("give types or table, not both")
-    typed = type_table(types)
-    table, told = table_of(table)
-    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
-    if memory_limit is not None:
-        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    given, told = labels_given(types, table)
+    limits = limits_of(memory_limit, threads)
     described, read_as = described_source(source, spacing, unit, world_from_index, names, choice_of(source, choice))
     written, odd = _native.compress_file(
         described,
         arguments.path("out", out),
         level=level,
-        given=typed if table is None else table.native(),
-        memory_limit=memory_limit,
-        threads=threads,
+        given=given,
+        **limits,
         read_as=read_as,
         job=job,
     )
     warn([*told, *odd])
-    return _outcome(written)
+    return outcome_of(written)
 
 
 @checked
@@ -93,9 +87,7 @@ def compress_part(
     `merge`. A file is told from others by its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts
     with others are not merged."""
     text = _text_of(chunks)
-    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
-    if memory_limit is not None:
-        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    limits = limits_of(memory_limit, threads)
     described, read_as = described_source(source, spacing, unit, world_from_index, names, choice_of(source, choice), text)
     name, told = "", ""
     if not isinstance(source, (str, os.PathLike)):
@@ -108,8 +100,7 @@ def compress_part(
         chunks=text,
         source_name=name,
         fingerprint=told,
-        memory_limit=memory_limit,
-        threads=threads,
+        **limits,
         read_as=read_as,
         job=job,
     )
@@ -133,32 +124,20 @@ def merge(
 
     `level` is as for `Volume.save`, `types` and `table` as for `compress`. One chunk is in memory at a time, beside the table of labels. Returns
     `dims`, and the numbers of `labels`, `boxes` and `bytes_disk`."""
-    if types is not None and table is not None:
-        raise InputError("give types or table, not both")
-    typed = type_table(types)
-    table, told = table_of(table)
-    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
-    if memory_limit is not None:
-        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    given, told = labels_given(types, table)
+    limits = limits_of(memory_limit, threads)
     if isinstance(parts, (str, bytes, os.PathLike)):
         raise InputError("parts: expected a list of paths, got one path")
     written, odd = _native.merge(
         [arguments.path("parts", part) for part in parts],
         arguments.path("out", out),
         level=level,
-        given=typed if table is None else table.native(),
-        memory_limit=memory_limit,
-        threads=threads,
+        given=given,
+        **limits,
         job=job,
     )
     warn([*told, *odd])
-    return _outcome(written)
-
-
-def _outcome(written: str) -> dict[str, Any]:
-    outcome: dict[str, Any] = json.loads(written)
-    outcome["dims"] = tuple(outcome["dims"])
-    return outcome
+    return outcome_of(written)
 
 
 def _text_of(chunks: Chunks) -> str:

@@ -2,7 +2,6 @@
 
 from __future__ import annotations
 
-import json
 import os
 from collections.abc import Mapping, Sequence
 from typing import Any, Literal, Unpack
@@ -13,9 +12,10 @@ from . import _native, arguments
 from .arguments import Choice, Level, Path
 from .blocks import Frame
 from .checked import checked
+from .compressing import labels_given, limits_of, outcome_of
 from .errors import InputError
 from .label_table import AnnotationTable
-from .volume import MOST_THREADS, choice_of, described_source, table_of, type_table, warn
+from .volume import choice_of, described_source, warn
 
 Job = _native.Job
 TimeSteps = Literal["all"] | str | tuple[int, int]
@@ -47,13 +47,8 @@ def compress_series(
 
     `level` is that of `Volume.save`, the other keywords are as for `compress`, those of reading a file as for `open`. Returns `dims`, and the
     numbers of `time_steps`, `labels`, `boxes` and `bytes_disk`."""
-    if types is not None and table is not None:
-        raise InputError("give types or table, not both")
-    typed = type_table(types)
-    table, told = table_of(table)
-    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
-    if memory_limit is not None:
-        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    given, told = labels_given(types, table)
+    limits = limits_of(memory_limit, threads)
     described: list[Any] = []
     read_as = arguments.ReadAs()
     for frame in _frames_of(source):
@@ -68,16 +63,13 @@ def compress_series(
         arguments.path("out", out),
         time_steps=_text_of(time_steps),
         level=level,
-        given=typed if table is None else table.native(),
-        memory_limit=memory_limit,
-        threads=threads,
+        given=given,
+        **limits,
         read_as=read_as,
         job=job,
     )
     warn([*told, *odd])
-    outcome: dict[str, Any] = json.loads(written)
-    outcome["dims"] = tuple(outcome["dims"])
-    return outcome
+    return outcome_of(written)
 
 
 def _frames_of(source: Any) -> Sequence[Any]:

@@ -5,7 +5,6 @@ from __future__ import annotations
 import dataclasses
 import json
 import os
-import pathlib
 import warnings
 from collections.abc import Iterable, Mapping, Sequence
 from typing import Any, Literal, Unpack
@@ -16,14 +15,12 @@ import numpy.typing as npt
 from . import _native, arguments, blocks, dimension_names
 from .arguments import Axes, Choice, Encoding, Level, OmeVersion, Path, Reading, Store
 from .checked import checked
+from .compressing import labels_given, limits_of
 from .errors import InputError, PumiceWarning
 from .label_table import AnnotationTable
 
 Job = _native.Job
 
-
-# Most threads that are accepted: more than any machine has, because each is started.
-MOST_THREADS = 1024
 # Most faces of a coarse surface that may be asked for: more than its cells can have.
 MOST_FACES = 1 << 30
 
@@ -445,20 +442,14 @@ def compress(
     `memory_limit` is in bytes and includes the result: one below twice its size is refused with a number that suffices. `threads` of 0 uses all
     cores.
     """
-    if types is not None and table is not None:
-        raise InputError("give types or table, not both")
-    typed = type_table(types)
-    table, told = table_of(table)
-    threads = arguments.whole("threads", threads, 0, MOST_THREADS)
-    if memory_limit is not None:
-        memory_limit = arguments.whole("memory_limit", memory_limit, 0, arguments.MOST_64)
+    given, told = labels_given(types, table)
+    limits = limits_of(memory_limit, threads)
     read_as = choice_of(source, choice)
     described, read_as = described_source(source, spacing, unit, world_from_index, names, read_as)
     native, odd = _native.compress(
         described,
-        given=typed if table is None else table.native(),
-        memory_limit=memory_limit,
-        threads=threads,
+        given=given,
+        **limits,
         read_as=read_as,
         job=job,
     )
@@ -491,16 +482,6 @@ def described_source(
             raise InputError(f"{name}: a file says that itself; only arrays take it")
     lengths = None if spacing is None else arguments.three_lengths(spacing)
     return arguments.path("source", source), read_as._replace(spacing=lengths)
-
-
-def table_of(table: AnnotationTable | Path | None) -> tuple[AnnotationTable | None, tuple[str, ...]]:
-    """A table that is given or in a file, and what its reader has to say."""
-    if isinstance(table, (str, os.PathLike)):
-        read = AnnotationTable.read(table)
-        return read, read.notes
-    if table is not None and not isinstance(table, AnnotationTable):
-        raise InputError(f"table: expected a path or an AnnotationTable, got {type(table).__name__}")
-    return table, ()
 
 
 def visible_rows(volume: Volume, labels: Iterable[int] | None) -> list[bool]:
@@ -583,20 +564,3 @@ def _number_type(dtype: npt.DTypeLike) -> np.dtype[Any]:
     if wanted.kind not in "uif":
         raise InputError(f"dtype: expected a type of integers or floats, got {wanted}")
     return wanted
-
-
-def type_table(types: Mapping[int, str] | Path | None) -> str | pathlib.Path | None:
-    """The text of a table id,type, or the file that has one."""
-    if types is None:
-        return None
-    if isinstance(types, (str, os.PathLike)):
-        return pathlib.Path(types)
-    for label, name in types.items():
-        if not isinstance(name, str):
-            raise InputError(f"types: expected a text for label {label}, got {type(name).__name__}")
-        if any(c in name for c in ',"\r\n') or name != name.strip() or not name:
-            raise InputError(
-                f"types: the name {name!r} of label {label} is empty, begins or ends with a space, or has a comma, a quote or a line break"
-            )
-    listed = zip(arguments.ids("types", types), types.values(), strict=True)
-    return "".join(f"{label},{name}\n" for label, name in listed)
