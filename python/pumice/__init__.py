@@ -15,8 +15,9 @@ labels are whole numbers from 0 to 2**64 - 1: of Python, of numpy, or an array o
 import atexit
 import threading
 
-from ._native import Job, __version__, _end_calls
+from ._native import Job, __version__
 from .bridge import agreement, export, verify_render
+from .ending import end_calls
 from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWarning
 from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
@@ -35,7 +36,7 @@ from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, distinct
 # At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force. What `atexit` has comes after
 # the end of all threads that are not daemons, where a picture without a limit would keep the interpreter for ever; what `threading` has comes
 # before it (`concurrent.futures` ends its threads so).
-getattr(threading, "_register_atexit", atexit.register)(_end_calls)
+getattr(threading, "_register_atexit", atexit.register)(end_calls)
 
 __all__ = [
     "AnnotationTable",

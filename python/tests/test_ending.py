@@ -59,7 +59,8 @@ WAITED_FOR = ["render", "render, told of", "compress"]
 def test_the_interpreter_ends_while_a_thread_works(work, daemon):
     script = SCRIPT.replace("{work}", WORKS[work]).replace("daemon=True", f"daemon={daemon}")
     done = subprocess.run([sys.executable, "-c", script], capture_output=True, text=True, timeout=60)
-    assert (done.returncode, done.stdout) == (0, "ready\n"), done.stderr
+    # Nor does a thread print while Python ends, which now and then aborts the process.
+    assert (done.returncode, done.stdout, done.stderr) == (0, "ready\n", ""), done
 
 
 # An object that outlives the module's end and calls it then, when Python has no standard streams and no names of modules any more.

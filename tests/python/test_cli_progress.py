@@ -20,7 +20,9 @@ def volume(tmp_path):
 def test_a_terminal_sees_progress_and_the_time_that_is_left(pumice, volume, tmp_path):
     command = [pumice, "compress", volume, "--axes", "xyz", "--spacing", "1,1,1", "-o", tmp_path / "a.pumice"]
     leader, follower = pty.openpty()
-    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=follower)
+    # One that can move its cursor: without TERM there is no bar.
+    env = {**os.environ, "TERM": "xterm"}
+    process = subprocess.Popen(command, stdin=subprocess.DEVNULL, stdout=subprocess.PIPE, stderr=follower, env=env)
     os.close(follower)
     seen = b""
     try:
