@@ -11,8 +11,13 @@ import zlib
 import zstandard
 
 
+def zstd(content):
+    # A compressor is for one thread.
+    return zstandard.ZstdCompressor().compress(content)
+
+
 # `deflate` is one that nobody stores files with.
-CODINGS = {"gzip": gzip.compress, "zstd": zstandard.ZstdCompressor().compress, "deflate": zlib.compress}
+CODINGS = {"gzip": gzip.compress, "zstd": zstd, "deflate": zlib.compress}
 
 
 class Server:
