@@ -152,3 +152,31 @@ fn faces(scene: &LoadedScene, level: DetailLevel, job: &Job) -> Result<u64> {
     }
     Ok(faces)
 }
+
+#[cfg(test)]
+mod tests {
+    use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
+
+    use super::*;
+    use crate::figure::{FigureOptions, compose};
+
+    /// Cycles' shadows reach the border, so Pumice's must in a comparison, and the page says that they do.
+    #[test]
+    fn the_shadows_of_a_floor_do_not_fade() {
+        let labels = LabelBuffer::U8(vec![5; 64]);
+        let volume = compress_labels(VolumeInfo::new([4; 3], LabelType::U8), labels).unwrap();
+        for (floor, expected) in [(true, 1), (false, 0)] {
+            let options = FigureOptions { floor, ..FigureOptions::default() };
+            let mut scene = compose(&volume, "memory".into(), &options);
+            assert_eq!(scene.film.shadow_fade > 0.0, floor);
+            let mut notes = Vec::new();
+            adapt(&mut scene, false, &mut notes);
+            assert_eq!(scene.film.shadow_fade, 0.0);
+            assert_eq!(
+                notes.iter().filter(|note| note.contains("do not fade")).count(),
+                expected,
+                "{notes:?}"
+            );
+        }
+    }
+}
