@@ -175,10 +175,10 @@ class PUMICE_OT_figure_estimate(InBackground, bpy.types.Operator):
         self._size = parts.film["width"], parts.film["height"]
         small = dataclasses.replace(parts, film=probe_film(parts.film))
         scene, geometries = small.made(pumice), small.geometries()
-        sources, backend = small.sources(), preferences.backend(context.scene.pumice)
+        wanted, backend = small.wanted(), preferences.backend(context.scene.pumice)
 
         def call(job):
-            volumes = registry.wait_all(sources, lambda: False)
+            volumes = registry.wait_all(wanted, lambda: False)
             limits = {"spp": PROBE_SAMPLES, "seconds": PROBE_SECONDS}
             picture = pumice.render(scene, volumes, meshes=geometries, backend=backend, job=job, **limits)
             return picture, small.film["width"] * small.film["height"]

@@ -60,7 +60,7 @@ def render(engine, depsgraph):
     scene = parts.made(pumice)
 
     # Open its volumes.
-    volumes = registry.wait_all(parts.sources(), engine.test_break)
+    volumes = registry.wait_all(parts.wanted(), engine.test_break)
     size = (parts.film["width"], parts.film["height"])
     if engine.test_break():
         render_result.leave_empty(engine, view_layer, size)

@@ -115,7 +115,7 @@ def of_camera(context):
     make_mesh.next_frame()
     reading = scene_reader.Kept(make_mesh)
     parts, _ = final_render.parts_of_frame(context.evaluated_depsgraph_get(), as_rendered=True, kept=reading)
-    shown = registry.wait_all(parts.sources(), lambda: False)
+    shown = registry.wait_all(parts.wanted(), lambda: False)
     if _kept is None or shown != _kept.volumes or edits.between(_kept.parts, parts, _kept.parts.numbers()):
         _kept = _Kept(parts, shown, make_mesh, _drawn(parts, shown, preferences.backend(context.scene.pumice)))
     return _kept.film

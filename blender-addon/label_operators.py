@@ -312,7 +312,8 @@ class PUMICE_OT_labels_frame(OnLabels, bpy.types.Operator):
     changes_table = False
 
     def change(self, context, table):
-        rows, labels = selected(table), _labels(context, table)
+        rows = selected(table)
+        labels = _labels(context, table, rows)
         obj = active_volume.of(context)
         rows = rows[labels.voxels[rows] > 0]
         if not len(rows):
@@ -348,10 +349,15 @@ def slot_of(obj, slot):
     return chosen
 
 
-def _labels(context, table):
-    """The labels of the active volume, at the time step that is shown, by the rows of its label table. Raises Refused."""
+def _labels(context, table, rows=None):
+    """The labels of the active volume, at the time step that is shown, by the rows of its label table. Raises Refused. Bounds are known of those
+    in `rows`, by default of those that are shown."""
     obj = active_volume.of(context)
-    entry = registry.request_shown(obj)
+    read = None
+    if rows is not None:
+        read = np.zeros(len(table.vertices), dtype=bool)
+        read[rows] = True
+    entry = registry.request_shown(obj, read)
     native.require()
     # A few seconds at most, once in a session: an operator must end before it returns.
     entry.done.wait()

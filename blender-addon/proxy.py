@@ -36,7 +36,7 @@ class Wanted:
         settings, table = obj.pumice, obj.pumice.table
         timed, frame = timed or obj, time_settings.now() if frame is None else frame
         self.most_faces = settings.proxy_faces
-        self.visible = label_table.visible(table)
+        self.ids, self.visible = label_table.ids(table), label_table.visible(table)
         self.time_step = time_settings.nearest(timed, frame)
         if self.time_step is not None and time_settings.shown(timed, frame) is None:
             self.visible[:] = False
@@ -55,6 +55,10 @@ class Wanted:
     def has_colors(self, mesh):
         """Whether the mesh has the colors and groups that are wanted, too."""
         return mesh.get(COLOR_STAMP) == self.color_stamp
+
+    def labels(self):
+        """The labels that are shown, as the registry takes them."""
+        return None if self.visible.all() else (self.ids, self.visible)
 
     def surface(self, volume, job=None):
         """The coarse surface of an open volume; runs without the interpreter's lock."""

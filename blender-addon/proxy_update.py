@@ -62,7 +62,7 @@ def _follow_frame(scene, depsgraph):
         try:
             wanted = proxy.Wanted(obj, obj.evaluated_get(depsgraph), time_settings.now(scene))
             if not wanted.has_shape(obj.data):
-                volume = registry.wait(file_paths.find(obj)[0], lambda: False, wanted.time_step)
+                volume = registry.wait(file_paths.find(obj)[0], lambda: False, wanted.time_step, wanted.labels())
                 proxy.write(obj, wanted, wanted.surface(volume))
         except (Refused, native.ModuleMissing) as error:
             log(error)
@@ -158,7 +158,7 @@ def _step(obj):
 
 def _call(obj, wanted):
     """What a thread does to make the surface that is wanted; Refused where the volume's file is missing."""
-    entry = registry.request(file_paths.find(obj)[0], wanted.time_step)
+    entry = registry.request(file_paths.find(obj)[0], wanted.time_step, wanted.labels())
 
     def call(job):
         volume = registry.wait_for(entry, lambda: job.cancelled)

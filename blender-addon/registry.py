@@ -2,6 +2,9 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The volumes that are open in this process, by file and time step. Each is opened once, however many objects, viewports and renders show it.
 
+Only labels that are shown are read. Where an object shows others later, their boxes and nodes alone are read and added (`pumice.Volume.with_labels`);
+what has been read stays. A file of which most labels are shown is read whole.
+
 Opening takes from milliseconds to seconds, so a thread does it; a caller that needs the volume asks again (`request`) or waits (`wait`).
 A file that changed on disk counts as another one. A volume is closed, which frees its memory, once no object of the file shows it; undo that
 brings the object back opens it again. Threads only call the compiled module, never Blender.
@@ -10,24 +13,37 @@ Time steps are opened when they are shown. Open are those that a viewport or a r
 last before; others are closed, and the opening of one that nobody shows any more is cancelled.
 """
 
+import itertools
 import os
 import threading
 import time
 
 import bpy
+import numpy as np
 
-from . import file_paths, native, time_settings
+from . import file_paths, label_table, native, time_settings
 from .reports import Refused, one_line
 
 # Time steps that stay open, most recently used first, beside those that are shown: to go back a frame opens nothing.
 MOST_TIME_STEPS = 2
+# Share of a file's labels from which on it is read whole.
+MOST_LABELS = 0.5
+
+_numbers = itertools.count(1)
 
 
 class Entry:
-    """A volume that is open, is being opened, or cannot be opened; `time_step` is None where its file has no time."""
+    """A volume that is open, is being opened, or cannot be opened; `time_step` is None where its file has no time.
 
-    def __init__(self, path, time_step=None):
+    `labels` are those that are read: (ids, which of them), None for all. `former` is an entry of the same file that has some of them."""
+
+    def __init__(self, path, time_step=None, shown=None, former=None):
         self.path, self.time_step = path, time_step
+        self.labels = joined(shown, former.labels) if former is not None else shown
+        if self.labels is not None and np.count_nonzero(self.labels[1]) > MOST_LABELS * len(self.labels[1]):
+            self.labels = None
+        self._former = former
+        self.part = next(_numbers)
         self.volume = None
         self.error = None
         self.done = threading.Event()
@@ -38,18 +54,55 @@ class Entry:
         """(path, time step)."""
         return self.path, self.time_step
 
+    def has(self, shown):
+        """Whether these labels are read, as `request` takes them."""
+        if self.labels is None or shown is None:
+            return self.labels is None
+        (ids, read), (others, wanted) = self.labels, shown
+        if ids is others or np.array_equal(ids, others):
+            return not (wanted & ~read).any()
+        return bool(np.isin(others[wanted], ids[read], assume_unique=True).all())
+
     def _open(self):
         try:
-            if self.time_step is None:
-                self.volume = native.require().open(self.path, job=self.job)
-            else:
-                self.volume = native.require().open(self.path, time=self.time_step, job=self.job)
+            self.volume = self._opened(native.require())
+            # What reads all of a file though it was asked for some labels.
+            if self.volume.is_whole:
+                self.labels, self.part = None, 0
+            if self.time_step is not None:
                 self.volume.content_hash  # viewports ask for it while Blender waits for them  # noqa: B018
         except BaseException as error:  # an exception cannot leave the thread: the caller reads it here
             # The reader names an option of the command.
             self.error = one_line(error).replace("--time-step", "time step")
         finally:
+            self._former = None
             self.done.set()
+
+    def _opened(self, pumice):
+        reading = {} if self.time_step is None else {"time": self.time_step}
+        if self.labels is not None:
+            ids, read = self.labels
+            if self._former is not None:
+                self._former.done.wait()
+            former = self._former.volume if self._former is not None else None
+            try:
+                if former is not None:
+                    return former.with_labels(ids[read], job=self.job)
+                return pumice.open(self.path, labels=ids[read], job=self.job, **reading)
+            except pumice.InputError:
+                # A file of another kind, or one that has changed since: all of it is read, and who shows it says what differs.
+                pass
+        return pumice.open(self.path, job=self.job, **reading)
+
+
+def joined(some, others):
+    """The labels of both, as `request` takes them."""
+    if some is None or others is None:
+        return None
+    if np.array_equal(some[0], others[0]):
+        return some[0], some[1] | others[1]
+    ids = np.union1d(some[0][some[1]], others[0][others[1]])
+    return ids, np.ones(len(ids), dtype=bool)
 
 
 # By path, size, time of change, and time step; the entry that was asked for last comes last.
@@ -60,24 +113,33 @@ _held = {}
 _lock = threading.RLock()
 
 
-def request(path, time_step=None):
-    """The entry of a file, or of a time step of it; starts opening it if there is none yet. Raises Refused if the file is missing."""
+def request(path, time_step=None, shown=None):
+    """The entry of a file, or of a time step of it; starts opening it if there is none yet, or none that has the labels `shown`: (ids, which of
+    them), None for all. Raises Refused if the file is missing."""
     key = _key(path, time_step)
     with _lock:
         entry = _entries.pop(key, None)
         if entry is None:
             for other in [k for k in _entries if k[0] == path and k[:3] != key[:3]]:
                 _entries.pop(other).job.cancel()
-            entry = Entry(path, time_step)
+            entry = Entry(path, time_step, shown)
             if time_step is not None:
                 _close_time_steps()
+        elif not entry.has(shown):
+            entry = Entry(path, time_step, shown, entry)
         _entries[key] = entry
     return entry
 
 
-def request_shown(obj):
-    """As `request`, of what a volume object shows at the frame of the scene, or next to it where it shows nothing."""
-    return request(file_paths.find(obj)[0], time_settings.nearest(obj, time_settings.now()))
+def request_shown(obj, rows=None):
+    """As `request`, of what a volume object shows at the frame of the scene, or next to it where it shows nothing; with the labels in these rows of
+    its table (flags) instead of those that it shows."""
+    table = obj.pumice.table
+    if table is None:
+        labels = None
+    else:
+        labels = label_table.ids(table), label_table.visible(table) if rows is None else rows
+    return request(file_paths.find(obj)[0], time_settings.nearest(obj, time_settings.now()), labels)
 
 
 def adopt(path, volume):
@@ -85,15 +147,16 @@ def adopt(path, volume):
     entry = Entry.__new__(Entry)
     entry.path, entry.volume, entry.error = path, volume, None
     entry.time_step = volume.time_step
+    entry.labels, entry.part = None, 0
     entry.job, entry.done = native.require().Job(), threading.Event()
     entry.done.set()
     with _lock:
         _entries[_key(path, entry.time_step)] = entry
 
 
-def wait(path, cancelled, time_step=None):
-    """Waits for the volume of a file; returns None once `cancelled()` returns true. Raises Refused."""
-    return wait_for(request(path, time_step), cancelled)
+def wait(path, cancelled, time_step=None, shown=None):
+    """Waits for the volume of a file; returns None once `cancelled()` returns true. Raises Refused. `shown` as for `request`."""
+    return wait_for(request(path, time_step, shown), cancelled)
 
 
 def wait_for(entry, cancelled):
@@ -107,11 +170,14 @@ def wait_for(entry, cancelled):
 
 
 def wait_all(files, cancelled):
-    """As `wait`, for each (path, time step) of a list."""
+    """As `wait`, for each (path, time step, labels) of a list."""
     reader = object()
-    hold(reader, files)
+    hold(reader, [(path, time_step) for path, time_step, _ in files])
     try:
-        return [wait(path, cancelled, time_step) for path, time_step in files]
+        # All are asked for first: a file of which instances show different labels is then open with the labels of all.
+        for path, time_step, shown in files:
+            request(path, time_step, shown)
+        return [wait(path, cancelled, time_step, shown) for path, time_step, shown in files]
     finally:
         hold(reader, ())
 

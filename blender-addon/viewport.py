@@ -207,8 +207,8 @@ class Viewport:
             former = waited.get(key) if _is_of_same_file(waited.get(key), placed) else None
             try:
                 # One time step at a time: an animation that plays faster than they open shows some of them, instead of none.
-                is_opening = former is not None and not former.done.is_set()
-                entry = former if is_opening else registry.request(*placed.file())
+                is_opening = former is not None and not former.done.is_set() and former.has(placed.labels())
+                entry = former if is_opening else registry.request(*placed.file(), placed.labels())
             except (Refused, native.ModuleMissing) as error:
                 self._missing.append(one_line(error))
                 self._undrawn.append(placed)
@@ -233,22 +233,26 @@ class Viewport:
                     continue
                 # Another object may have reloaded the file, so what is open counts, not what this object was imported from.
                 shown = entry.volume.content_hash
-                volumes[key], ready[key] = entry.volume, placed if placed.content == shown else dataclasses.replace(placed, content=shown)
+                is_known = (placed.content, placed.part) == (shown, entry.part)
+                volumes[key], ready[key] = entry.volume, placed if is_known else dataclasses.replace(placed, content=shown, part=entry.part)
                 self._missing += filter(None, [placed.differs(entry.volume)])
         return dataclasses.replace(parts, placed=ready), volumes
 
     def _shown_before(self, key, placed, former):
-        """(volume, Placed) that stands for an instance until its time step is open, so that a playing animation does not flicker: the time step that
-        was opened last, in the new place and look; None where there is none. `former` is the entry that was waited for."""
-        if former is not None and former.done.is_set() and former.volume is not None:
-            volume, time_step = former.volume, former.time_step
+        """(volume, Placed) that stands for an instance until its time step, or more of its labels, are open, so that nothing flickers: what was opened
+        last, in the new place and look, or with the labels that it had; None where there is none. `former` is the entry that was waited for."""
+        look = placed
+        if former is not None and former.done.is_set() and former.volume is not None and former.has(placed.labels()):
+            volume, time_step, part = former.volume, former.time_step, former.part
         else:
             sent = self.sent.placed.get(key) if self.sent is not None else None
             volume = self.volumes.get(key)
-            if volume is None or not _is_of_same_file(sent, placed):
+            if volume is None or not _stands_for(sent, volume, placed):
                 return None
-            time_step = sent.time_step
-        before = dataclasses.replace(placed, time_step=time_step, content=volume.content_hash)
+            time_step, part = sent.time_step, sent.part
+            if not volume.is_whole:
+                look = dataclasses.replace(placed, style=sent.style)
+        before = dataclasses.replace(look, time_step=time_step, content=volume.content_hash, part=part)
         return (volume, before) if before.unfit(volume) is None else None
 
     def _send(self, parts, volumes, wishes):
@@ -365,6 +369,11 @@ class Viewport:
 def _is_of_same_file(one, placed):
     """Whether an entry of the registry or a Placed is a time step of the file of which another Placed is one; `one` may be None."""
     return one is not None and one.file()[0] == placed.source and None not in (one.time_step, placed.time_step)
+
+
+def _stands_for(sent, volume, placed):
+    """Whether a volume, as it was sent, may be drawn until that of `placed` is open: another time step of its file, or fewer labels of it."""
+    return _is_of_same_file(sent, placed) or (sent is not None and sent.file() == placed.file() and not volume.is_whole)
 
 
 def view_of(context, depsgraph, engine):

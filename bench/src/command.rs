@@ -8,7 +8,7 @@ use pumice_core::Job;
 use crate::console::{BenchResult, Console, Outcome};
 use crate::{
     backends, convergence, denoise, embree, errors, export, extremes, instances, large, live, lod, needs,
-    paper, peers, residency, shaders, sizes, speeds, stability,
+    paper, peers, residency, shaders, sizes, speeds, stability, types,
 };
 
 /// Measure, and print a table
@@ -39,6 +39,7 @@ enum Kind {
     Large(large::Flags),
     Embree(embree::Flags),
     Shaders(shaders::Flags),
+    Types(types::Flags),
 }
 
 impl Bench {
@@ -68,6 +69,7 @@ impl Bench {
             Kind::Large(flags) => large::run(flags, job, console),
             Kind::Embree(flags) => embree::run(flags, job, console),
             Kind::Shaders(flags) => shaders::run(flags, job, console),
+            Kind::Types(flags) => types::run(flags, job, console),
         }
     }
 }

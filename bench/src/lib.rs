@@ -49,6 +49,7 @@ pub mod speeds;
 pub mod stability;
 pub mod table;
 pub mod timing;
+pub mod types;
 mod voxels;
 
 pub use command::Bench;

@@ -11,7 +11,7 @@
     groups or colors of labels differ       `labels`, with the columns of all of them
     an instance is gone                     remove
     an instance is new, or has another      remove and add: it needs its volume, so it is not an edit; a file that was
-    volume than before                      reloaded is another volume, and so is another time step
+    volume than before                      reloaded is another volume, and so are another time step and more labels
     the cuts differ, or one cuts a volume   cuts; again after the volume is added, because edits name no volume that is not there
     that is gone or new
     a mesh differs                          one edit for each of: place_mesh, mesh_materials
@@ -52,7 +52,7 @@ def between(old, new, numbers):
             changes.edits.append({"edit": part, part: value})
     for key, before in old.placed.items():
         after = new.placed.get(key)
-        if after is None or (after.file(), after.content) != (before.file(), before.content):
+        if after is None or _volume(after) != _volume(before):
             changes.edits.append({"edit": "remove", "id": numbers[key]})
             changes.removed.append(key)
         elif after is not before:
@@ -75,6 +75,11 @@ def between(old, new, numbers):
     changes.added_meshes += [key for key in new.meshes if key not in old.meshes]
     changes.added_meshes.sort()
     return changes
+
+
+def _volume(placed):
+    """What tells the volume of an instance from others."""
+    return placed.file(), placed.content, placed.part
 
 
 def _of_mesh(number, before, after):

@@ -16,7 +16,8 @@ class Placed:
     """A volume in its place: `source` is a path, `style` a `LabelStyle`, `content` the hash of its voxels and ids.
 
     `dims` are its voxels along x, y, z: a volume that is not open is drawn as a box. `time_step` is the one of the file that is shown, None where
-    the file has no time. All time steps have the labels of the table.
+    the file has no time. All time steps have the labels of the table. `part` tells volumes of the same file apart that have different labels of it;
+    0 has all.
     """
 
     source: str
@@ -25,6 +26,7 @@ class Placed:
     content: str = ""
     dims: tuple = (0, 0, 0)
     time_step: int | None = None
+    part: int = 0
 
     def instance(self, number):
         """The instance of the scene with this number, without its groups of labels."""
@@ -40,6 +42,11 @@ class Placed:
     def file(self):
         """(path, time step) of the volume, as the registry opens it."""
         return self.source, self.time_step
+
+    def labels(self):
+        """The labels that are drawn, as the registry takes them: (ids, which of them), None for all."""
+        columns = self.style.columns
+        return None if columns is None or columns.visible.all() else (columns.ids, columns.visible)
 
     def _fits(self, volume):
         """Whether the volume is one that the object's label table was made from."""
@@ -158,3 +165,7 @@ class Parts:
     def sources(self):
         """(path, time step) of all instances, in the order of `scene()`."""
         return [self.placed[key].file() for key in sorted(self.placed)]
+
+    def wanted(self):
+        """(path, time step, labels) of all instances, in the order of `scene()`, as the registry takes them."""
+        return [(*self.placed[key].file(), self.placed[key].labels()) for key in sorted(self.placed)]

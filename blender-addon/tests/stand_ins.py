@@ -200,9 +200,11 @@ class Module:
         self.during_render = lambda job, on_progress: None
         self.renderers, self.has_samples = [], True
 
-    def open(self, path, job=None):
+    def open(self, path, labels=None, job=None):
         assert self.may_open.wait(10)
-        return Volume(path)
+        if labels is None:
+            return Volume(path)
+        return Part(self, path, labels)
 
     def probe(self, path, job=None, **choice):
         return {"warnings": []}
@@ -306,6 +308,8 @@ class Volume:
         self.time_step = self.time_steps = None
         self.labels = Labels([3, 17, 98340797 + 2**33])
 
+        self.is_whole = True
+
     def coarse_surface(self, visible, most_faces, job=None):
         """A cube of 16 voxels for each label that is visible, at 0, 16 and 48."""
         rows = np.flatnonzero(visible)
@@ -315,3 +319,16 @@ class Volume:
         sides = np.array([[0, 4, 6, 2], [1, 3, 7, 5], [0, 1, 5, 4], [2, 6, 7, 3], [0, 2, 3, 1], [4, 5, 7, 6]], dtype=np.uint32)
         quads = (8 * np.arange(len(rows), dtype=np.uint32)[:, None, None] + sides[None]).reshape(-1, 4)
         return types.SimpleNamespace(vertices=vertices, quads=quads, labels=np.repeat(rows, 6).astype(np.uint32), cell=(16, 16, 16))
+
+
+class Part(Volume):
+    """A volume of which some labels were read: `read`, their ids."""
+
+    def __init__(self, module, path, labels):
+        super().__init__(path)
+        self.module, self.read = module, set(np.asarray(labels).tolist())
+        self.is_whole = self.read == set(self.labels.ids.tolist())
+
+    def with_labels(self, labels, job=None):
+        assert self.module.may_open.wait(10)
+        return Part(self.module, self.path, [*self.read, *np.asarray(labels).tolist()])

@@ -39,6 +39,7 @@ mod layers;
 pub mod leaves;
 pub mod memory;
 pub mod mesh;
+mod more_labels;
 pub mod morton;
 pub mod node;
 pub mod octahedral;

@@ -178,6 +178,15 @@ fn some_labels_of_a_frame_alone() {
         assert!(some.boxes().len() < whole.boxes().len() && !some.is_whole());
         assert_eq!(some.content_hash(), whole.content_hash());
         assert_eq!(some.labels().voxels(), whole.labels().voxels());
+
+        // The others are added; those of another frame are not.
+        let even = |labels: &pumice_core::LabelTable| (0..labels.len()).map(|i| i % 2 == 0).collect();
+        let all = some.with_more_labels(&series.frame_labels(2, even, &Job::new()).unwrap()).unwrap();
+        assert!(all.decode_ids([0; 3], DIMS).unwrap() == whole.decode_ids([0; 3], DIMS).unwrap());
+        assert_eq!((all.frame(), all.nodes().len()), (whole.frame(), whole.nodes().len()));
+        let of_another = series.frame_labels(1, even, &Job::new()).unwrap();
+        let said = some.with_more_labels(&of_another).unwrap_err().to_string();
+        assert!(said.contains("of another volume"), "{said}");
     }
     std::fs::remove_dir_all(folder).unwrap();
 }

@@ -517,6 +517,10 @@ class Volume:
         """
         Number of voxels of each label.
         """
+    def with_labels(self, /, path: str | PathLike[str], labels: SupportsGetItem[int, SupportsIndex], *, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> Volume:
+        """
+        The volume with these labels of its file added, which is `path`, read in the same way.
+        """
     def write(self, /, path: str | PathLike[str], *, write_as: tuple[str | None, str | None, bool, str | None, bool, SupportsIndex | None], job: Job | None = None) -> list[str]:
         """
         Writes the labels in a format of other programs; returns what the format does not hold, a line each.

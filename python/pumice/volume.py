@@ -216,6 +216,22 @@ class Volume:
         self._source = (os.path.abspath(to), arguments.ReadAs())
 
     @checked
+    def with_labels(self, labels: Iterable[int], *, job: Job | None = None) -> Volume:
+        """This volume with further `labels` (ids) of its file: only their boxes and nodes are read, and nodes that are there already are shared.
+
+        For a volume that holds some of its file's labels (`open(..., labels=...)`): a picture of one type of cells, and then of two. `is_whole`
+        tells whether any are missing; labels that are held already cost nothing. InputError where the file has changed since.
+        """
+        chosen = arguments.ids("labels", labels)
+        if self.is_whole:
+            self.labels.rows_of(chosen)
+            return self
+        path, read_as = self._source or (None, None)
+        if path is None or read_as is None:
+            raise InputError("with_labels: the volume comes from no file that its labels could be read from")
+        return Volume(self._native.with_labels(path, chosen, job=job, read_as=read_as), self._source)
+
+    @checked
     def write(
         self,
         path: Path,

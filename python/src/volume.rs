@@ -394,6 +394,22 @@ impl Volume {
         })
     }
 
+    /// The volume with these labels of its file added, which is `path`, read in the same way.
+    #[pyo3(signature = (path, labels, *, read_as, job=None))]
+    fn with_labels(
+        &self,
+        py: Python<'_>,
+        path: PathBuf,
+        labels: Vec<u64>,
+        read_as: ReadAs,
+        job: Option<&Bound<'_, Job>>,
+    ) -> PyResult<Volume> {
+        let job = job_of(job);
+        let reading = reading(read_as)?;
+        let more = || pumice_session::open_more_labels(&self.0, &path, &labels, &reading, &job);
+        Ok(Volume(released(py, &job, more)?))
+    }
+
     /// Compares with a file, or with blocks; `None` if every voxel and id is the same, else the first difference.
     #[pyo3(signature = (source, *, read_as, job=None))]
     fn difference(

@@ -95,6 +95,7 @@ def calls(volume, tmp_path_factory):
         "LabelTable.rows_of": lambda ids: of.rows_of(ids).tolist(),
         "LabelTable.isin": lambda ids: of.isin(ids).tolist(),
         "open": lambda ids: pumice.open(folder / "v.pumice", labels=ids).decode().tobytes(),
+        "Volume.with_labels": lambda ids: pumice.open(folder / "v.pumice", labels=[]).with_labels(ids).decode().tobytes(),
         "Volume.faces": lambda ids: volume.faces(ids).labels.tobytes(),
         "surface": lambda ids: pumice.surface(volume, ids).labels.tobytes(),
         "count_faces": lambda ids: pumice.count_faces(volume, ids),
@@ -117,7 +118,7 @@ def calls(volume, tmp_path_factory):
 # The keys of `calls`, which needs a volume, and so is a fixture. JSON has floats and truths: its fields refuse them in their own words.
 OF_JSON = ["Scene.from_dict", "Session.edit"]
 NAMES = [
-    *["LabelTable.rows_of", "LabelTable.isin", "open", "Volume.faces", "surface", "count_faces", "export", "AnnotationTable", "query_labels"],
+    *["LabelTable.rows_of", "LabelTable.isin", "open", "Volume.with_labels", "Volume.faces", "surface", "count_faces", "export", "AnnotationTable", "query_labels"],
     *["LabelGroups", "LabelGroups.with_colors", "Scene.with_labels", "Session.set_labels", "Picture.matte", "figure", *OF_JSON],
 ]
 # Those that take one id, or ids as keys.

@@ -189,6 +189,35 @@ def test_labels_that_are_read_alone(volume, labels, level, tmp_path):
     assert sorted(shown) == chosen.tolist()
 
 
+@pytest.mark.parametrize("level", ["fast", "default"])
+def test_labels_that_are_added(volume, labels, level, tmp_path):
+    path = tmp_path / "a.pumice"
+    volume.save(path, level=level)
+    ids = volume.labels.ids
+    first = pumice.open(path, labels=ids[::3])
+    # Those that it holds already may be named again.
+    both = first.with_labels(ids[:10])
+    chosen = np.union1d(ids[::3], ids[:10])
+    at_once = pumice.open(path, labels=chosen)
+    np.testing.assert_array_equal(both.decode(), np.where(np.isin(labels, chosen), labels, 0))
+    np.testing.assert_array_equal(both.labels.boxes, at_once.labels.boxes)
+    assert (both.content_hash, both.is_whole) == (volume.content_hash, False)
+    # The volume that labels were added to stays as it was.
+    np.testing.assert_array_equal(first.decode(), np.where(np.isin(labels, ids[::3]), labels, 0))
+    scene = pumice.figure(at_once, size=(32, 18))
+    pictures = [pumice.render(scene, one, spp=2, backend="cpu").color for one in (both, at_once)]
+    np.testing.assert_array_equal(*pictures)
+    whole = both.with_labels(ids)
+    np.testing.assert_array_equal(whole.decode(), labels)
+    assert whole.is_whole and whole.with_labels(ids[:3]) is whole
+    for other in (first, whole):
+        with pytest.raises(pumice.InputError, match="the volume has no label"):
+            other.with_labels([int(ids.max()) + 1])
+    pumice.compress(np.ones((5, 5, 5), np.uint8)).save(path)
+    with pytest.raises(pumice.InputError, match="the volume has no label|the file has changed"):
+        first.with_labels(ids)
+
+
 def test_labels_cannot_be_read_alone_from_other_files(volume, cortex, tmp_path):
     volume.save(tmp_path / "a.pumice")
     with pytest.raises(pumice.InputError, match="the volume has no label 251"):

@@ -151,6 +151,7 @@ def made(small, tmp_path_factory):
         "Scene.from_json": (pumice.Scene.from_json, {"text": scene.to_json()}),
         "Scene.load": (pumice.Scene.load, {"path": folder / "s.json"}),
         "Scene.save": (scene.save, {"path": "out.json"}),
+        "Volume.with_labels": (pumice.open(folder / "v.pumice", labels=[1]).with_labels, {"labels": [2], "job": None}),
         "Scene.with_labels": (scene.with_labels, {"instance": first, **showing}),
         "figure": (pumice.figure, {"volume": volume, "source": "v", "size": (8, 8), "labels": [1], "pick": None, "view_deg": (1.0, 2.0)}),
         "figure of some": (pumice.figure, {"volume": volume, "pick": 1}),
@@ -193,7 +194,7 @@ def made(small, tmp_path_factory):
 NAMES = [
     *["open", "open labels", "open raw", "probe", "compress", "compress with a table", "compress a file", "distinct_colors"],
     *["chunk_count", "compress_file", "compress_file with a table", "compress_part", "merge", "compress_series", "compress_series of a file"],
-    *["Volume.save", "Volume.verify", "Volume.decode", "Volume.label_at", "Volume.faces", "Volume.coarse_surface"],
+    *["Volume.save", "Volume.verify", "Volume.decode", "Volume.label_at", "Volume.faces", "Volume.coarse_surface", "Volume.with_labels"],
     *["LabelTable.index_of", "LabelTable.rows_of", "LabelTable.isin", "LabelTable.query", "LabelTable.auto_colors"],
     *["AnnotationTable", "AnnotationTable.save"],
     *["AnnotationTable.query", "AnnotationTable.read", "read_label_table", "query_labels", "LabelGroups", "LabelGroups.with_colors"],

@@ -54,7 +54,8 @@ pub use label_rows::LabelRows;
 pub use live::{Frame, LabelFilm, Live, LiveOptions, LiveState, Status};
 pub use measure::{Stopwatch, peak_rss_bytes, resident_file_bytes};
 pub use open::{
-    Residence, open_chosen, open_labels, open_meshes, open_shown, open_source, open_volume, with_built_in,
+    Residence, open_chosen, open_labels, open_meshes, open_more_labels, open_shown, open_source, open_volume,
+    with_built_in,
 };
 pub use part_files::{MergeRequest, PartOutcome, PartRequest, compress_part_file, merge_files};
 pub use persistent_renderer::{PersistentRenderer, Watching};

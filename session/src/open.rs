@@ -268,6 +268,29 @@ pub fn open_labels(
     Ok(volume)
 }
 
+/// A volume of some labels of a `.pumice` file with these labels of the file added; of those that it holds already nothing is read. Where
+/// it holds all of them, it is returned itself.
+///
+/// # Errors
+/// As [`open_labels`]; where the file has changed since the volume was opened.
+pub fn open_more_labels(
+    volume: &Arc<CompressedVolume>,
+    path: &Path,
+    ids: &[u64],
+    reading: &OpenOptions,
+    job: &Job,
+) -> Result<Arc<CompressedVolume>> {
+    let table = volume.labels();
+    Show::Only(ids.to_vec()).check("labels", table.ids()).map_err(|e| SessionError::Caller(e.to_string()))?;
+    let is_missing = |id: &u64| table.index_of(*id).is_some_and(|label| !volume.holds(label));
+    let missing: Vec<u64> = ids.iter().copied().filter(is_missing).collect();
+    if missing.is_empty() {
+        return Ok(Arc::clone(volume));
+    }
+    let more = open_chosen(path, &[&Show::Only(missing)], reading, Residence::Copied, job)?;
+    Ok(Arc::new(volume.with_more_labels(&more)?))
+}
+
 /// Opens a label volume as a source of blocks; `.pumice` files are not accepted.
 ///
 /// # Errors
