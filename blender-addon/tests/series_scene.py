@@ -2,6 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """A small time series for tests: slabs that stand still, a ball that moves along x, and a label that is there at two time steps alone."""
 
+import json
 import struct
 
 import numpy as np
@@ -46,6 +47,47 @@ def write_nifti(path, arrays):
     struct.pack_into("<12f", head, 280, 2, 0, 0, 0, 0, 2, 0, 0, 0, 0, 3, 0)
     head[344:348] = b"n+1\0"
     path.write_bytes(bytes(head) + b"".join(one.astype("<u2").tobytes(order="F") for one in arrays))
+    return path
+
+
+def write_tiff(path, arrays):
+    """Writes arrays[t][x, y, z] of 16 bits as a hyperstack of ImageJ, a page for each z of each time step."""
+    pages = [one[:, :, z].T.astype("<u2") for one in arrays for z in range(one.shape[2])]
+    said = f"ImageJ=1.54f\nimages={len(pages)}\nslices={arrays[0].shape[2]}\nframes={len(arrays)}\nhyperstack=true\nunit=um\nspacing=3.0\n"
+    text = said.encode() + b"\0"
+    out = bytearray(struct.pack("<2sHI", b"II", 42, 8))
+    for number, page in enumerate(pages):
+        height, width = page.shape
+        # A directory of twelve entries, then what does not fit into them, then the pixels.
+        entries = 12 if number == 0 else 11
+        after = len(out) + 2 + 12 * entries + 4
+        resolution, words = after, text if number == 0 else b""
+        at_text, at_pixels = after + 8, after + 8 + len(words) + len(words) % 2
+        tags = [(256, 4, 1, width), (257, 4, 1, height), (258, 3, 1, 16), (259, 3, 1, 1), (262, 3, 1, 1)]
+        tags += [(270, 2, len(words), at_text)] if words else []
+        tags += [(273, 4, 1, at_pixels), (277, 3, 1, 1), (278, 4, 1, height), (279, 4, 1, page.nbytes), (282, 5, 1, resolution), (283, 5, 1, resolution)]
+        end = at_pixels + page.nbytes
+        out += struct.pack("<H", entries) + b"".join(struct.pack("<HHII", *tag) for tag in tags)
+        out += struct.pack("<I", end if number + 1 < len(pages) else 0)
+        out += struct.pack("<II", 500000, 1000000) + words + b"\0" * (len(words) % 2) + page.tobytes()
+    path.write_bytes(bytes(out))
+    return path
+
+
+def write_ome_zarr(path, arrays):
+    """Writes arrays[t][x, y, z] of 16 bits as an OME-Zarr 0.4 of axes t, z, y, x, a chunk for each time step, not compressed."""
+    stack = np.stack([one.T for one in arrays]).astype("<u2")
+    axes = [{"name": "t", "type": "time"}, *({"name": name, "type": "space", "unit": "micrometer"} for name in "zyx")]
+    scale = [{"type": "scale", "scale": [1.0, 3.0, 2.0, 2.0]}]
+    (path / "0").mkdir(parents=True)
+    (path / ".zgroup").write_text('{"zarr_format": 2}')
+    scales = {"version": "0.4", "axes": axes, "datasets": [{"path": "0", "coordinateTransformations": scale}]}
+    (path / ".zattrs").write_text(json.dumps({"multiscales": [scales]}))
+    chunks = [1, *stack.shape[1:]]
+    array = {"zarr_format": 2, "shape": list(stack.shape), "chunks": chunks, "dtype": "<u2", "compressor": None, "fill_value": 0, "order": "C"}
+    (path / "0" / ".zarray").write_text(json.dumps({**array, "filters": None, "dimension_separator": "."}))
+    for step, one in enumerate(stack):
+        (path / "0" / f"{step}.0.0.0").write_bytes(one.tobytes())
     return path
 
 

@@ -16,7 +16,7 @@ import numpy as np
 import pumice
 import pytest
 
-from series_scene import STEPS, dense, write, write_nifti
+from series_scene import STEPS, dense, write, write_nifti, write_ome_zarr, write_tiff
 from stand_ins import Context, Engine, Module, Texture, Volume
 from test_import_files import dialog  # noqa: F401 (a fixture)
 
@@ -66,6 +66,21 @@ def test_a_file_with_time_steps_becomes_one_animated_volume_or_one_time_step(ble
     assert len(list(tmp_path.glob("cells-*.pumice"))) == 3
     # Control: the arrays differ from one time step to the next.
     assert not are(imported(path, time_steps="all"), ARRAYS[::-1])
+
+
+@pytest.mark.parametrize("name, write_steps", [("cells.tif", write_tiff), ("cells.zarr", write_ome_zarr)])
+def test_time_steps_of_other_formats(blender, tmp_path, name, write_steps):
+    path = write_steps(tmp_path / name, ARRAYS)
+    assert "5 time steps" in refused(path)
+    obj = imported(path, time_steps="1-3")
+    assert are(obj, ARRAYS[1:4])
+    obj = imported(path, time_steps="all")
+    assert are(obj, ARRAYS)
+    sides = {tuple(pumice.open(obj.pumice.filepath, time=step).spacing) for step in range(STEPS)}
+    assert sides == {(2.0, 2.0, 3.0)}
+    # One time step alone is a volume without time.
+    alone = imported(path, time=2)
+    assert alone.pumice_time.time_steps <= 1 and np.array_equal(pumice.open(alone.pumice.filepath).decode(), ARRAYS[2])
 
 
 def test_files_with_a_number_in_their_names_become_one_volume(blender, tmp_path, monkeypatch):
