@@ -4,8 +4,8 @@ use std::path::{Path, PathBuf};
 
 use pumice_core::{
     BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Error, Job, LabelBlock, LabelBuffer,
-    LabelNote, LabelType, Result, Series, SeriesSource, VolumeInfo, WrittenVolume, compress_series_to_file,
-    compress_to_file, frames_in_file,
+    LabelNote, LabelType, Residency, Result, Series, SeriesSource, VolumeInfo, WrittenVolume,
+    compress_series_to_file, compress_to_file, frames_in_file,
 };
 
 const LEVELS: [CompressionLevel; 3] =
@@ -187,6 +187,44 @@ fn some_labels_of_a_frame_alone() {
         let of_another = series.frame_labels(1, even, &Job::new()).unwrap();
         let said = some.with_more_labels(&of_another).unwrap_err().to_string();
         assert!(said.contains("of another volume"), "{said}");
+    }
+    std::fs::remove_dir_all(folder).unwrap();
+}
+
+/// A frame that is read chunk by chunk into pages has the boxes and counts of the frame in memory.
+#[test]
+fn a_frame_from_disk_is_the_frame_in_memory() {
+    let folder = folder("paged");
+    let memory = std::sync::Arc::new(Residency::new(1 << 24));
+    for level in LEVELS {
+        let path = folder.join(format!("{level:?}.pumice"));
+        write(Frames::of(4), &path, level, &CompressOptions::default()).unwrap();
+        let series = Series::open(&path, &Job::new()).unwrap();
+        let mut of_all = Vec::new();
+        for step in 0..4 {
+            let expected = series.frame(step, &Job::new()).unwrap();
+            let paged = series.frame_paged(step, 64, &folder, &memory, &Job::new()).unwrap();
+            let pages = paged.pages().unwrap();
+            assert_eq!((paged.labels(), paged.frame()), (expected.labels(), expected.frame()));
+            assert_eq!(paged.content_hash(), expected.content_hash());
+            assert_eq!(pages.boxes(), expected.boxes().len() as u64, "{level:?}, frame {step}");
+            let boxes = |volume: &CompressedVolume| {
+                let mut boxes = Vec::new();
+                volume.for_each_box(|label, of| {
+                    boxes.push((label, of.origin, of.extent, of.node.fields().collect::<Vec<_>>()));
+                });
+                boxes.sort_unstable();
+                boxes
+            };
+            assert!(boxes(&paged) == boxes(&expected), "{level:?}, frame {step}");
+            of_all.push(boxes(&expected));
+        }
+        // A control: the frames differ, and the last one is empty.
+        assert!(of_all[0] != of_all[1] && !of_all[0].is_empty() && of_all[3].is_empty());
+        let said = series.frame_paged(4, 64, &folder, &memory, &Job::new()).unwrap_err().to_string();
+        assert!(said.contains("--time-step 4 is out of range"), "{said}");
+        let said = series.frame_paged(0, 48, &folder, &memory, &Job::new()).unwrap_err().to_string();
+        assert!(said.contains("pages: expected 64"), "{said}");
     }
     std::fs::remove_dir_all(folder).unwrap();
 }

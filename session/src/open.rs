@@ -160,11 +160,10 @@ pub fn open_volume(
             let volume = CompressedVolume::open_paged(path, *page_voxels, &folder, memory, job)?;
             return Ok(Arc::new(volume));
         }
-        (Kind::Series, Residence::Paged { .. }) => {
-            return Err(SessionError::Caller(format!(
-                "memory limit: {} is a time series, and only files of one volume are drawn from disk: compress the time step alone",
-                path.display()
-            )));
+        (Kind::Series, Residence::Paged { memory, page_voxels }) => {
+            let series = Series::open(path, job)?;
+            let (frame, folder) = (chosen_frame(&series, path, reading)?, std::env::temp_dir());
+            return Ok(Arc::new(series.frame_paged(frame, *page_voxels, &folder, memory, job)?));
         }
         (Kind::Series, _) => return Ok(Arc::new(open_frame(path, reading, None, job)?)),
         (Kind::Foreign, _) => {}

@@ -1,7 +1,10 @@
 """Tests pictures of volumes that are drawn from disk: the same bits as in memory, a limit that holds, and one line for what cannot be."""
 
+import glob
 import json
+import os
 import re
+import signal
 
 import numpy as np
 import pytest
@@ -44,6 +47,47 @@ def test_a_picture_from_disk_has_the_same_bits(pumice, folder, level):
     assert 0 < report["pages"]["loads"] <= report["pages"]["pages"] == 4 * 3 * 2
     # A control of the comparison: another seed gives other bits.
     assert not same(whole, drawn(pumice, folder, "--seed", "1")[0])
+
+
+def test_time_steps_are_drawn_from_disk(pumice, folder, tmp_path):
+    labels = np.load(folder / "dense.npy")
+    for step in range(3):
+        np.save(tmp_path / f"t{step}.npy", np.roll(labels, 9 * step, axis=0) if step else labels)
+    for level in ("default", "small"):
+        steps = [tmp_path / f"t{step}.npy" for step in range(3)]
+        run(pumice, "compress", *steps, "--axes", "xyz", "--level", level, "-o", tmp_path / f"{level}.pumice").fine()
+        whole, report = drawn(pumice, tmp_path, "--time-step", "1", source=f"{level}.pumice")
+        assert "pages" not in report
+        paged, report = drawn(pumice, tmp_path, "--time-step", "1", "--memory-limit", "1G", source=f"{level}.pumice")
+        assert same(whole, paged) and report["pages"]["pages"] == 4 * 3 * 2
+        # A control: the time steps differ.
+        assert not same(whole, drawn(pumice, tmp_path, "--time-step", "2", source=f"{level}.pumice")[0])
+    # An animation of them, each picture that of its time step.
+    run(pumice, *RENDER, tmp_path / "default.pumice", "--time-steps", "all", "--frame", "volume", "-o", tmp_path / "whole.exr").fine()
+    run(pumice, *RENDER, tmp_path / "default.pumice", "--time-steps", "all", "--frame", "volume", "--memory-limit", "1G", "-o", tmp_path / "paged.exr").fine()
+    for step in range(1, 4):
+        assert same(planes(tmp_path / f"whole_{step:04}.exr"), planes(tmp_path / f"paged_{step:04}.exr"))
+
+
+def test_an_interrupt_while_pages_are_made_leaves_nothing(pumice, folder, tmp_path):
+    """Opening writes pages into a file without a name, which the system removes with the process."""
+    random = np.random.default_rng(8)
+    np.save(tmp_path / "noise.npy", random.integers(1, 200, (200, 200, 200), np.uint8))
+    run(pumice, "compress", tmp_path / "noise.npy", "--axes", "xyz", "--level", "fast", "-o", tmp_path / "noise.pumice").fine()
+    pages = tmp_path / "pages"
+    pages.mkdir()
+    seen = []
+
+    def interrupt(process):
+        while not seen:
+            assert process.poll() is None, "pages are made before the picture"
+            files = [os.readlink(link) for link in glob.glob(f"/proc/{process.pid}/fd/*") if os.path.islink(link)]
+            seen.extend(name for name in files if str(pages) in name)
+        process.send_signal(signal.SIGINT)
+
+    command = [*RENDER, tmp_path / "noise.pumice", "--memory-limit", "1G", "-o", tmp_path / "no.exr"]
+    run(pumice, *command, env={"TMPDIR": str(pages)}, meanwhile=interrupt).cancelled()
+    assert list(pages.iterdir()) == [] and not (tmp_path / "no.exr").exists()
 
 
 def test_the_least_limit_holds_and_is_named(pumice, folder):

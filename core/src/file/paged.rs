@@ -40,15 +40,21 @@ impl CompressedVolume {
         memory: &Arc<Residency>,
         job: &Job,
     ) -> Result<Self> {
-        if !(64..=CHUNK_VOXELS).contains(&page_voxels) || !page_voxels.is_power_of_two() {
-            return Err(Error::Caller(format!(
-                "pages: expected 64, 128, 256, 512 or 1024 voxels along a side, got {page_voxels}"
-            )));
-        }
+        check_side(page_voxels)?;
         read::from_path(path, |file, file_bytes| {
             read_pages(file, file_bytes, page_voxels, folder, memory, job)
         })
     }
+}
+
+/// Checks the voxels along a side of a page.
+pub(super) fn check_side(page_voxels: u32) -> Result<()> {
+    if (64..=CHUNK_VOXELS).contains(&page_voxels) && page_voxels.is_power_of_two() {
+        return Ok(());
+    }
+    Err(Error::Caller(format!(
+        "pages: expected 64, 128, 256, 512 or 1024 voxels along a side, got {page_voxels}"
+    )))
 }
 
 pub(super) fn read_pages(
@@ -114,7 +120,7 @@ pub(super) fn read_pages(
 }
 
 /// A volume in memory, divided into pages.
-fn divided(
+pub(super) fn divided(
     mut volume: CompressedVolume,
     page_voxels: u32,
     folder: &Path,

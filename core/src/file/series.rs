@@ -11,16 +11,19 @@
 use std::collections::BTreeSet;
 use std::io::{Read, Seek};
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
 
 use super::format_error::Stop;
 use super::layout::{Contents, Entry, Layout};
+use super::paged::{check_side, divided};
 use super::pick::{OfChunks, Wanted, pick_packed, pick_plain, put_together};
 use super::read::{chunk_of, from_path, leaves_of, runs_of, table_of};
 use super::sections::{Sections, info_of, read_layout, read_sections_if};
 use super::{check, size_limits, voxel_pieces};
 use crate::volume::CHUNK_CELLS;
 use crate::{
-    CHUNK_VOXELS, Chunk, CompressedVolume, Contacts, FrameOf, Job, LabelTable, Result, VolumeInfo, morton,
+    CHUNK_VOXELS, Chunk, CompressedVolume, Contacts, FrameOf, Job, LabelTable, Pages, Residency, Result,
+    VolumeInfo, morton,
 };
 
 /// Number of frames of a `.pumice` file: 1, or those of a time series. Only the header is read.
@@ -168,20 +171,74 @@ impl Series {
         self.frame_of(frame, Some(choose), job)
     }
 
+    /// Reads a frame for drawing from disk, as [`CompressedVolume::open_paged`] does: one chunk of the frame is in memory at a time. Of a file
+    /// of voxels all of the frame is.
+    ///
+    /// # Errors
+    /// As [`Series::frame`] and [`CompressedVolume::open_paged`].
+    pub fn frame_paged(
+        &self,
+        frame: u32,
+        page_voxels: u32,
+        folder: &Path,
+        memory: &Arc<Residency>,
+        job: &Job,
+    ) -> Result<CompressedVolume> {
+        check_side(page_voxels)?;
+        self.check_frame(frame)?;
+        if self.layout.contents == Contents::Voxels {
+            return divided(self.frame(frame, job)?, page_voxels, folder, memory, job);
+        }
+        from_path(&self.path, |file, _| {
+            let own = self.chunks_of(frame);
+            job.begin(own.len() as u64);
+            let mut volume = self.without_boxes();
+            volume.frame = Some(FrameOf { number: frame, frames: self.frames() });
+            let mut pages = Pages::new(&volume.info, page_voxels, folder, Arc::clone(memory));
+            for &c in &own {
+                job.check()?;
+                let (mut chunk, faults) =
+                    self.pick_frame(file, &[c], None::<fn(&LabelTable) -> Vec<bool>>, job)?;
+                chunk.frame = volume.frame;
+                let mut counts = vec![0; self.labels.len()];
+                check::check_chunk(&chunk, |label, voxels| counts[label as usize] += voxels)
+                    .and_then(|()| check::check_counts(&chunk, &counts))
+                    .map_err(|(section, what)| faults.fault_in(section, c as u32, &what))?;
+                for (all, of_chunk) in volume.labels.voxels.iter_mut().zip(counts) {
+                    *all = all.saturating_add(of_chunk);
+                }
+                pages.add_chunk(&chunk, job)?;
+            }
+            volume.hash = self.content_hashes[frame as usize].into();
+            volume.pages = Some(Arc::new(pages));
+            Ok(volume)
+        })
+    }
+
     fn frame_of(
         &self,
         frame: u32,
         choose: Option<impl FnOnce(&LabelTable) -> Vec<bool>>,
         job: &Job,
     ) -> Result<CompressedVolume> {
-        if frame >= self.frames() {
-            let (path, frames) = (self.path.display(), self.frames());
-            return Err(crate::Error::Caller(format!(
-                "{path}: --time-step {frame} is out of range, counted from 0; the number of time steps is {frames}: 0 to {}",
-                frames - 1
-            )));
-        }
+        self.check_frame(frame)?;
         from_path(&self.path, |file, _| self.read_frame(file, frame, choose, true, job))
+    }
+
+    fn check_frame(&self, frame: u32) -> Result<()> {
+        if frame < self.frames() {
+            return Ok(());
+        }
+        let (path, frames) = (self.path.display(), self.frames());
+        Err(crate::Error::Caller(format!(
+            "{path}: --time-step {frame} is out of range, counted from 0; the number of time steps is {frames}: 0 to {}",
+            frames - 1
+        )))
+    }
+
+    /// The entries of the table of chunks that are of a frame.
+    fn chunks_of(&self, frame: u32) -> Vec<usize> {
+        (0..self.chunks.len()).filter(|&c| self.of_frame[c] == frame).collect()
     }
 
     /// Reads a frame. `check_hash` is false only in tests that want to reach the code behind the hash check.
@@ -193,7 +250,7 @@ impl Series {
         check_hash: bool,
         job: &Job,
     ) -> std::result::Result<CompressedVolume, Stop> {
-        let own: Vec<usize> = (0..self.chunks.len()).filter(|&c| self.of_frame[c] == frame).collect();
+        let own = self.chunks_of(frame);
         job.begin(own.len() as u64);
         let is_chosen = choose.is_some();
         let (mut volume, faults) = match self.layout.contents {
