@@ -27,15 +27,19 @@ def steps(package, out, window, area, shown, converged, until, shot):
     preferences = bpy.context.preferences.addons[package.__name__].preferences
     obj = bpy.context.object
     samples, scene.pumice.viewport_samples = scene.pumice.viewport_samples, 4
+    # Text moves: Blender names the unit of its own grid.
+    space.overlay.show_text = False
     former = (obj.location.copy(), view.view_rotation.copy(), view.view_perspective, view.view_location.copy(), view.view_distance)
 
     def done():
         """The picture and its film, after a redraw with both."""
         area.tag_redraw()
+        yield 0.7
         yield from until(lambda: converged() and shown().labels() is not None, "the label film is there")
+        found = shown().labels()
         area.tag_redraw()
         yield 0.7
-        return shown().labels()
+        return found
 
     def pixels(name):
         area.tag_redraw()
@@ -107,8 +111,9 @@ def steps(package, out, window, area, shown, converged, until, shot):
         everything = dict.fromkeys(taking.FLAGS, True) | {"show_outline_selected": False}
         switch()
         nothing = yield from pixels("nothing")
-        switch(**everything)
-        masked = yield from pixels(name)
+        # The z axis lies on another plane, before or behind other parts of the picture.
+        switch(**everything | {"show_axis_z": False})
+        masked = yield from pixels(f"{name}_floor")
         # Without the film's depth.
         kept = package.floor_grid.Depth.update
         package.floor_grid.Depth.update = lambda self, film, camera: setattr(self, "size", None)
@@ -126,6 +131,8 @@ def steps(package, out, window, area, shown, converged, until, shot):
         lost = differ(masked, whole) & ~nearer & margin
         assert not lost.any(), f"{name}: {lost.sum()} pixels of the grid are hidden by nothing"
         # As Blender draws it, where the proxy is not.
+        switch(**everything)
+        masked = yield from pixels(name)
         preferences.true_overlays = False
         yield 0.5
         for flag, value in everything.items():
@@ -197,7 +204,7 @@ def steps(package, out, window, area, shown, converged, until, shot):
     assert not differ(hidden, nothing).any() or (np.abs(hidden - nothing).max(axis=-1) > NOISE).mean() < 0.02
     switch(**mine)
     obj.location, view.view_rotation, view.view_perspective, view.view_location, view.view_distance = former
-    scene.pumice.viewport_samples = samples
+    scene.pumice.viewport_samples, space.overlay.show_text = samples, True
     yield from done()
 
 
