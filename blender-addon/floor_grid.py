@@ -155,7 +155,8 @@ def _same_memory(some, others):
     return some.__array_interface__["data"] == others.__array_interface__["data"]
 
 
-def _draw():
+def draw_grid():
+    """Draws it in the region of the context."""
     context = bpy.context
     shown, space = viewport.of_region(context.region), context.space_data
     if shown is None or not space.overlay.show_overlays:
@@ -190,6 +191,10 @@ def view_of(context):
         is_camera,
         space.camera.data.clip_end if is_camera else space.clip_end,
     )
+
+
+def _draw():
+    draw_grid()
 
 
 def register():

@@ -8,6 +8,8 @@ Colors are linear: Blender's texture of overlays is sRGB, and is written and ble
 import gpu
 from gpu_extras.batch import batch_for_shader
 
+from .reports import log
+
 # Vectors of four floats alone, so that the layout std140 has no gaps; `numbers` of `floor_grid` writes them in this order.
 STRUCT = """
 struct GridView {
@@ -179,6 +181,8 @@ void main()
 """
 
 _shader = _batch = _nothing = None
+# A driver that does not take the shader is asked once.
+_refused = False
 
 
 def _make():
@@ -197,9 +201,16 @@ def _make():
 
 def draw(numbers, depth):
     """Draws the grid over the region: `numbers` are those of STRUCT, `depth` the texture of the film's depth, None where there is none."""
-    global _shader, _batch, _nothing
+    global _shader, _batch, _nothing, _refused
+    if _refused:
+        return
     if _shader is None:
-        _shader = _make()
+        try:
+            _shader = _make()
+        except Exception as error:
+            _refused = True
+            log(error)
+            return
         _batch = batch_for_shader(_shader, "TRIS", {"pos": [(-1.0, -1.0), (3.0, -1.0), (-1.0, 3.0)]})
         _nothing = gpu.types.GPUTexture((1, 1), format="R32F")
     uniform = gpu.types.GPUUniformBuf(gpu.types.Buffer("FLOAT", len(numbers), numbers))

@@ -98,7 +98,8 @@ def selection(context):
     return chosen, active.session_uid if active is not None else None
 
 
-def _draw():
+def draw_outline():
+    """Draws it in the region of the context."""
     context = bpy.context
     shown, space = viewport.of_region(context.region), context.space_data
     if shown is None or not space.overlay.show_overlays:
@@ -114,6 +115,10 @@ def _draw():
     outline.update(film.pixels, chosen)
     theme = context.preferences.themes[0].view_3d
     outline.draw({SELECTED: theme.object_selected, ACTIVE: theme.object_active})
+
+
+def _draw():
+    draw_outline()
 
 
 def register():

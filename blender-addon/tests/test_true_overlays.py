@@ -15,6 +15,11 @@ from test_real_volumes import load
 @pytest.fixture
 def taking(extension, blender):
     blender.context.scene.render.engine = "PUMICE"
+    # An empty file keeps the screens of the test before.
+    for screen in blender.data.screens:
+        for area in screen.areas:
+            if area.type == "VIEW_3D":
+                area.spaces.active.shading.type = "SOLID"
     yield load(extension, "true_overlays")
     load(extension, "true_overlays").sweep(gives_all_back=True)
 
@@ -211,6 +216,33 @@ def test_the_preference_turns_it_off(taking, blender, extension, monkeypatch):
     monkeypatch.setattr(load(extension, "preferences"), "true_overlays", lambda: False)
     taking.sweep()
     assert space.overlay.show_floor and taking.wishes_of(space) is None
+
+
+def test_the_picture_waits_for_the_takeover(taking, blender, monkeypatch):
+    """So that nobody sees it with the proxy's outline and grid; a takeover that fails does not keep it away."""
+    import types
+
+    _, _, space = view(blender)
+    context = types.SimpleNamespace(space_data=space, scene=blender.context.scene)
+    assert not taking.awaited(context), "nothing is taken in background mode"
+    asked = []
+    app = types.SimpleNamespace(background=False)
+    monkeypatch.setattr(taking, "bpy", types.SimpleNamespace(app=app, types=blender.types, data=blender.data, context=blender.context))
+    monkeypatch.setattr(taking, "soon", lambda: asked.append(True))
+    assert not taking.awaited(context) and not asked, "a solid viewport has nothing to wait for"
+    space.shading.type = "RENDERED"
+    assert taking.awaited(context) and asked
+    taking.sweep()
+    assert not taking.awaited(context)
+    space.shading.type = "SOLID"
+    taking.sweep()
+    space.shading.type = "RENDERED"
+    with monkeypatch.context() as patch:
+        patch.setattr(taking, "sweep", lambda _: 1 / 0)
+        patch.setattr(taking, "log", lambda error: None)
+        taking.safely()
+    assert not taking.awaited(context)
+    taking.safely()
 
 
 def test_a_disabled_extension_gives_back(taking, blender):
