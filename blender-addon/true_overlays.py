@@ -219,11 +219,13 @@ def _rows(self, context):
         return
     column = self.layout.column()
     column.active = context.space_data.overlay.show_overlays
-    column.label(text="Pumice draws these true to its picture (Blender's are off):")
-    split = column.split()
-    split.column().prop(entry, "show_ortho_grid")
-    split.column().prop(entry, "show_floor")
-    row = split.column().row(align=True)
+    # Blender's own boxes stand above, and are off meanwhile.
+    column.label(text="True to Pumice's picture:")
+    row = column.row(align=True)
+    row.prop(entry, "show_ortho_grid")
+    row.prop(entry, "show_floor")
+    row = column.row(align=True)
+    row.label(text="Axes")
     for axis in "xyz":
         row.prop(entry, f"show_axis_{axis}", toggle=True)
     column.prop(entry, "show_outline_selected")
