@@ -81,13 +81,25 @@ def steps(system, scale_length, grid_scale, subdivisions, is_side):
     return [least * subdivisions**step for step in range(STEPS)]
 
 
-def colors(grid, background, axes):
-    """Linear colors of the lines, of every tenth line and of the three axes, from the theme's grid, background and axes as the screen shows them."""
+def colors(grid, background, axes, major=None, brightness=None):
+    """Linear colors of the lines, of every tenth line and of the three axes, from the theme's grid, background and axes as the screen shows them.
+
+    `major` and `brightness` are the theme's color of every tenth line and brightness of the axes, which it has since Blender 5.2. How Blender mixes
+    the axes with that was found from its pixels."""
     fine = _shaded(grid, 10)
+    if major is not None:
+        base, found = _in_linear(fine), [_in_linear(axis) for axis in axes]
+        mixed = [[*(b + brightness * (a - b) for b, a in zip(base[:3], axis[:3])), 1.0] for axis in found]
+        return [base, _in_linear(major), *mixed]
     is_background_darker = sum(fine[:3]) + 0.12 > sum(background[:3])
     coarse = _shaded(grid, 20 if is_background_darker else -10)
     mixed = [_shaded([*(0.5 * (g + a) for g, a in zip(grid[:3], axis)), 1.0], -10) for axis in axes]
-    return [[*(_linear(value) for value in color[:3]), color[3]] for color in (fine, coarse, *mixed)]
+    return [_in_linear(color) for color in (fine, coarse, *mixed)]
+
+
+def _in_linear(color):
+    """A color of a theme, with opacity 1 if it has none, in linear values."""
+    return [*(_linear(value) for value in color[:3]), *(color[3:] or (1.0,))]
 
 
 def _shaded(color, by):
@@ -175,7 +187,9 @@ def draw_grid():
     distances = steps(units.system, units.scale_length, space.overlay.grid_scale, space.overlay.grid_subdivisions, view.is_side)
     theme = context.preferences.themes[0]
     interface = theme.user_interface
-    hues = colors(theme.view_3d.grid, theme.view_3d.space.gradients.high_gradient, (interface.axis_x, interface.axis_y, interface.axis_z))
+    axes = [tuple(axis) for axis in (interface.axis_x, interface.axis_y, interface.axis_z)]
+    since_5_2 = (tuple(theme.view_3d.grid_major), theme.view_3d.grid_axis_brightness) if hasattr(theme.view_3d, "grid_major") else ()
+    hues = colors(tuple(theme.view_3d.grid), theme.view_3d.space.gradients.high_gradient, axes, *since_5_2)
     line_size = max(0.0, context.preferences.system.pixel_size - 1.0) * 0.5
     grid_shader.draw(numbers(view, drawn, distances, hues, camera, depth.size, line_size), depth.texture)
 

@@ -69,6 +69,13 @@ def test_colors_are_mixed_and_linear(grid):
     assert encode(grid.colors((0.33, 0.33, 0.33, 0.5), (0.9, 0.9, 0.9), axes)[1][0]) == pytest.approx(0.33 - 10 / 255), "darker on light"
 
 
+def test_colors_of_newer_themes(grid):
+    axes = ((1.0, 0.2, 0.32), (0.54, 0.86, 0.0), (0.17, 0.56, 1.0))
+    fine, coarse, x, _, z = grid.colors((0.33, 0.33, 0.33, 0.5), (0.24, 0.24, 0.24), axes, (0.4, 0.5, 0.6, 1.0), 0.46)
+    assert coarse == pytest.approx([0.1329, 0.2140, 0.3185, 1.0], abs=1e-3) and fine[3] == 0.5
+    assert x[0] == pytest.approx(0.54 * fine[0] + 0.46) and z[2] == pytest.approx(x[0]) and x[3] == 1.0
+
+
 def test_numbers_are_as_many_as_the_shader_reads_and_say_where_pixels_are(grid, extension):
     """The middle of a pixel, by the formulas of the shader, is where the inverse of Blender's matrices says."""
     struct = load(extension, "grid_shader").STRUCT
