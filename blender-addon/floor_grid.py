@@ -55,8 +55,9 @@ class Lines(NamedTuple):
     z_axis: bool
 
 
-def lines(view, wishes):
-    """The lines that Blender draws in a view; `wishes` has the flags of the overlays."""
+def lines(view, wishes, has_own_axes=bpy.app.version >= (5, 1)):
+    """The lines that Blender draws in a view; `wishes` has the flags of the overlays. Since 5.1 the axes of side views (`has_own_axes`) have the flags
+    of the other axes, and are there without a grid."""
     is_perspective = view.window[3][3] == 0.0
     z_axis = wishes.show_axis_z and (is_perspective or not view.is_side)
     if is_perspective or not view.is_side:
@@ -64,9 +65,10 @@ def lines(view, wishes):
         return Lines(2 if drawn else None, wishes.show_floor, (wishes.show_axis_x, wishes.show_axis_y, False), False, z_axis)
     forward = [abs(view.world_from_view[row][2]) for row in range(3)]
     across = max(range(3), key=forward.__getitem__)
-    if not wishes.show_ortho_grid:
-        return Lines(None, False, (False,) * 3, True, False)
-    return Lines(across, True, tuple(axis != across for axis in range(3)), True, False)
+    flags = (wishes.show_axis_x, wishes.show_axis_y, wishes.show_axis_z) if has_own_axes else (wishes.show_ortho_grid,) * 3
+    axes = tuple(flags[axis] and axis != across for axis in range(3))
+    drawn = wishes.show_ortho_grid or any(axes)
+    return Lines(across if drawn else None, wishes.show_ortho_grid, axes, True, False)
 
 
 def steps(system, scale_length, grid_scale, subdivisions, is_side):

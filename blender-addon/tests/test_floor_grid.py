@@ -42,8 +42,13 @@ def test_lines_of_each_view(grid):
     assert grid.lines(view(grid, FRONT, PARALLEL), everything) == anywhere
     for place, across, axes in ((TOP, 2, (True, True, False)), (FRONT, 1, (True, False, True)), (RIGHT, 0, (False, True, True))):
         assert grid.lines(view(grid, place, PARALLEL, is_side=True), everything) == grid.Lines(across, True, axes, True, False)
+        side = view(grid, place, PARALLEL, is_side=True)
         without = wishes("show_floor", "show_axis_x", "show_axis_y", "show_axis_z")
-        assert grid.lines(view(grid, place, PARALLEL, is_side=True), without)[0] is None
+        assert grid.lines(side, without, has_own_axes=False)[0] is None
+        assert grid.lines(side, without, has_own_axes=True) == grid.Lines(across, False, axes, True, False)
+        alone = wishes("show_ortho_grid")
+        assert grid.lines(side, alone, has_own_axes=False).axes == axes
+        assert grid.lines(side, alone, has_own_axes=True) == grid.Lines(across, True, (False,) * 3, True, False)
     one = grid.lines(view(grid, FRONT, PARALLEL), wishes("show_axis_y"))
     assert one == grid.Lines(2, False, (False, True, False), False, False)
     nothing = grid.lines(view(grid, FRONT, PERSPECTIVE), wishes("show_ortho_grid"))

@@ -203,6 +203,28 @@ def test_a_copy_of_a_taken_viewport_has_its_wishes(taking, blender):
     assert not any(flags_of(taking, other).values())
 
 
+def test_a_copy_of_a_workspace_has_the_artists_settings(taking, blender):
+    _, _, space = view(blender)
+    wish(taking, space, show_floor=True, show_axis_y=True)
+    mine = flags_of(taking, space)
+    space.shading.type = "RENDERED"
+    taking.sweep()
+    window, before = blender.context.window_manager.windows[0], set(blender.data.screens)
+    with blender.context.temp_override(window=window):
+        blender.ops.workspace.duplicate()
+    copies = [screen for screen in blender.data.screens if screen not in before]
+    assert copies
+    taking.sweep()
+    spaces = [area.spaces.active for screen in copies for area in screen.areas if area.type == "VIEW_3D"]
+    assert spaces
+    for one in spaces:
+        one.shading.type = "SOLID"
+    taking.sweep()
+    assert mine in [flags_of(taking, one) for one in spaces]
+    for screen in copies:
+        assert len(screen.pumice_overlays) == 0
+
+
 def test_the_preference_turns_it_off(taking, blender, extension, monkeypatch):
     _, _, space = view(blender)
     wish(taking, space, show_floor=True)

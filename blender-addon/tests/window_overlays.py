@@ -62,6 +62,8 @@ def steps(package, out, window, area, shown, converged, until, shot):
     def own_flags():
         return {flag: getattr(space.overlay, flag) for flag in taking.FLAGS}
 
+    was_selected = obj.select_get()
+    obj.select_set(True)
     # A volume through the floor, seen from the side.
     middle = obj.matrix_world @ (sum((Vector(corner) for corner in obj.bound_box), Vector()) / 8.0)
     obj.location -= middle
@@ -217,6 +219,7 @@ def steps(package, out, window, area, shown, converged, until, shot):
     switch(**mine)
     obj.location, view.view_rotation, view.view_perspective, view.view_location, view.view_distance = former
     scene.pumice.viewport_samples, space.overlay.show_text = samples, True
+    obj.select_set(was_selected)
     yield from done()
 
 
