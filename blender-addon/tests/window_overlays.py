@@ -166,8 +166,7 @@ def steps(package, out, window, area, shown, converged, until, shot):
     # The artist's settings come back in Solid, in a file, and for copies; and may be switched meanwhile.
     switch(**mine)
     space.shading.type = "SOLID"
-    yield 0.7
-    assert own_flags() == mine, own_flags()
+    yield from until(lambda: own_flags() == mine, "the artist's settings are back in Solid")
     space.shading.type = "RENDERED"
     yield from done()
     assert not any(own_flags().values())
@@ -177,8 +176,7 @@ def steps(package, out, window, area, shown, converged, until, shot):
     assert not any(own_flags().values()), "taken again after the file is saved"
     assert saved_flags(path, taking.FLAGS) == mine, saved_flags(path, taking.FLAGS)
     space.overlay.show_axis_z = True
-    yield 0.7
-    assert not space.overlay.show_axis_z and taking.wishes_of(space).show_axis_z, "a click on Blender's box"
+    yield from until(lambda: not space.overlay.show_axis_z and taking.wishes_of(space).show_axis_z, "a click on Blender's box is a wish")
     taking.wishes_of(space).show_axis_z = False
 
     before = set(window.screen.areas)
@@ -189,13 +187,14 @@ def steps(package, out, window, area, shown, converged, until, shot):
     other = copy.spaces.active
     # Blender makes the copy of a rendered viewport a solid one.
     assert other.shading.type == "SOLID"
-    assert {flag: getattr(other.overlay, flag) for flag in taking.FLAGS} == mine, "a split area has the artist's settings"
+    flags_of = lambda one: {flag: getattr(one, flag) for flag in taking.FLAGS}  # noqa: E731
+    yield from until(lambda: flags_of(other.overlay) == mine, "a split area has the artist's settings")
     shot("overlays_split_solid")
     other.shading.type = "RENDERED"
+    yield from until(lambda: taking.wishes_of(other) is not None, "it is taken too")
     yield 3.0
-    entry = taking.wishes_of(other)
-    assert entry is not None and {flag: getattr(entry, flag) for flag in taking.FLAGS} == mine
-    assert not any(getattr(other.overlay, flag) for flag in taking.FLAGS) and len(window.screen.pumice_overlays) == 2
+    assert flags_of(taking.wishes_of(other)) == mine
+    assert not any(flags_of(other.overlay).values()) and len(window.screen.pumice_overlays) == 2
     shot("overlays_split")
     with bpy.context.temp_override(window=window, area=copy):
         bpy.ops.screen.area_close()
