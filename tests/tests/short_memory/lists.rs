@@ -229,7 +229,7 @@ fn what_a_device_finds_without_memory_is_an_error() {
     renderer.advance(Duration::from_secs(3600), 4, &Job::new()).unwrap();
     let text = "film: the picture needs ";
     let refused = refusing(1_919_999, || renderer.seen_surfaces(&Job::new())).unwrap_err();
-    assert_refused(&refused, &format!("{text}1.4 MB"));
+    assert_refused(&refused, &format!("{text}1.9 MB"));
     let refused = refusing(5_279_999, || renderer.picture()).unwrap_err();
     assert_refused(&refused, &format!("{text}5.3 MB"));
     // The renderer is not given up for it. With the memory, also for the records of a launch, both are there.
