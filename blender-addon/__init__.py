@@ -9,8 +9,8 @@ A module imports only from lines below its own:
     reload_volume
     export_usd       export_gltf          verify               label_panel          import_volume
     figure_panel
-    label_files          pick_tool        figure_operators
-    label_box            label_outline
+    label_files          pick_tool        figure_operators     object_outline
+    label_box            label_outline    floor_grid
     label_pick
     label_operators      label_film
     export_surfaces                       add_cut              cut_gizmo
@@ -20,7 +20,7 @@ A module imports only from lines below its own:
     persistent       render_work          render_result
     scene_reader     first_look           passes               scene_notes          label_colors         label_search
     figure_follow    import_dialog
-    scale_bar            legend
+    scale_bar            legend           true_overlays    grid_shader
     volume_object    picture_texture      missing_boxes        overlay              opening              color_ramp
     provenance           figure_frame         figure_part          proxy
     proxy_material
@@ -60,6 +60,7 @@ from . import (
     figure_panel,
     figure_settings,
     file_paths,
+    floor_grid,
     import_scene,
     import_volume,
     label_box,
@@ -70,6 +71,7 @@ from . import (
     label_panel,
     label_pick,
     label_search,
+    object_outline,
     panels,
     persistent,
     pick_tool,
@@ -80,6 +82,7 @@ from . import (
     reload_volume,
     table_writes,
     time_settings,
+    true_overlays,
     verify,
     verify_maps,
     viewport,
@@ -107,6 +110,7 @@ MODULES = (
     cut_gizmo,
     verify_maps,
     verify,
+    true_overlays,
     viewport,
     persistent,
     engine,
@@ -115,6 +119,8 @@ MODULES = (
     label_film,
     label_pick,
     label_box,
+    floor_grid,
+    object_outline,
     label_outline,
     pick_tool,
     label_files,

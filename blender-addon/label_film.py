@@ -82,6 +82,13 @@ def uids_of(shown):
     return {number: scene_reader.volume_uid(key) for key, number in shown.numbers.items() if key in shown.sent.placed} if shown.sent else {}
 
 
+def owners_of(shown):
+    """{number: session uid} of what a viewport shows, volumes and meshes: of the object, or of what makes instances of it."""
+    if not shown.sent:
+        return {}
+    return {number: key[0] for key, number in shown.numbers.items() if key in shown.sent.placed or key in shown.sent.meshes}
+
+
 def size_of(shown):
     """Pixels across and down of a viewport's film; Refused where it shows nothing."""
     if shown.sent is None:

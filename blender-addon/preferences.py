@@ -7,7 +7,7 @@ therefore stored as text, and the list shows it.
 """
 
 import bpy
-from bpy.props import EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, StringProperty
 
 from . import devices, native
 
@@ -53,6 +53,13 @@ class PumicePreferences(bpy.types.AddonPreferences):
         get=_get,
         set=_set,
     )
+    true_overlays: BoolProperty(
+        name="True Overlays",
+        description="In viewports that Pumice draws, Pumice draws outlines of selected objects, grid and axes too, true to its picture. "
+        "Off, Blender draws them from the proxies, which are within about a cell of the picture",
+        default=True,
+        update=_tell,
+    )
 
     def draw(self, _context):
         layout = self.layout
@@ -61,6 +68,7 @@ class PumicePreferences(bpy.types.AddonPreferences):
             return
         layout.use_property_split = True
         layout.prop(self, "device")
+        layout.prop(self, "true_overlays")
         column = layout.column()
         column.active = False
         for device in devices.listed(native.pumice):
@@ -73,10 +81,19 @@ def backend(wishes):
     """The backend that draws a scene with these settings, as the compiled module names it."""
     if wishes.backend != "AUTO":
         return wishes.backend.lower()
-    # An extension that was enabled by a script alone has no preferences.
-    addon = bpy.context.preferences.addons.get(__package__)
-    chosen = getattr(addon, "preferences", None)
+    chosen = _chosen()
     return chosen.backend if chosen is not None else "auto"
+
+
+def true_overlays():
+    """Whether Pumice draws outlines and grid itself in viewports that it draws."""
+    chosen = _chosen()
+    return chosen.true_overlays if chosen is not None else True
+
+
+def _chosen():
+    """The preferences; an extension that was enabled by a script alone has none."""
+    return getattr(bpy.context.preferences.addons.get(__package__), "preferences", None)
 
 
 def register():

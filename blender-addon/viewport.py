@@ -18,7 +18,7 @@ import time
 
 import bpy
 
-from . import missing_boxes, native, overlay, picture_texture, preferences, registry, scene_reader, time_settings
+from . import missing_boxes, native, overlay, picture_texture, preferences, registry, scene_reader, time_settings, true_overlays
 from .reports import Refused, log, one_line
 from .sync import camera as camera_math
 from .sync import edits, instances, lens, matrix
@@ -135,7 +135,7 @@ class Viewport:
             self.notes = [one_line(error)]
         region = context.region
         self.region, self.drawn_at = region, time.monotonic()
-        if self.frame is not None:
+        if self.frame is not None and not true_overlays.awaited(context):
             self.texture.draw(self.engine, scene, self.frame, region.width, region.height)
         missing_boxes.draw(self._boxes(context))
         self.engine.update_stats("Pumice", overlay.line(status, self.frame, self.notes))

@@ -171,8 +171,10 @@ def steps():
 
     sys.path.insert(0, os.path.dirname(os.path.abspath(__file__)))
     import window_drop
+    import window_overlays
     import window_pick
 
+    yield from window_overlays.steps(sys.modules[EXTENSION], OUT, window, area, shown, converged, until, shot)
     yield from window_drop.steps(OUT, window, area, until, input_events, shot)
     yield from window_pick.steps(sys.modules[EXTENSION], OUT, window, area, shown, converged, until, input_events, shot)
 

@@ -15,7 +15,9 @@ use pumice_transport::lights::Lights;
 use pumice_transport::material_table::{MaterialTable, MaterialTables};
 use pumice_transport::scene_lights::{ReadImage, scene_lights};
 use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan};
-use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenLabel, SurfaceKind};
+use pumice_transport::{
+    LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface, SurfaceKind,
+};
 use rayon::prelude::*;
 
 use crate::path::Surroundings;
@@ -347,23 +349,23 @@ impl Renderer for CpuRenderer {
         }))
     }
 
-    fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
+    fn seen_surfaces(&mut self, job: &Job) -> Result<Vec<Option<SeenSurface>>, RenderError> {
         let shown = self.shown()?;
         let Film { width, height, .. } = shown.scene.scene().film;
-        film_memory::check_labels(width, height, size_of::<Option<SeenLabel>>())?;
-        let label = |pixel: usize| {
+        film_memory::check_labels(width, height, size_of::<Option<SeenSurface>>())?;
+        let seen = |pixel: usize| {
             if job.is_cancelled() {
                 return None;
             }
             let (x, y) = (pixel % width as usize, pixel / width as usize);
-            let (hit, _) = shown.tracer.pick(x as u32, y as u32)?;
+            let (hit, depth) = shown.tracer.pick(x as u32, y as u32)?;
             let s = hit.surface;
-            let labelled = s.kind != SurfaceKind::Triangle;
-            labelled.then_some(SeenLabel { instance: s.instance, label: s.label })
+            let label = (s.kind != SurfaceKind::Triangle).then_some(s.label);
+            Some(SeenSurface { instance: s.instance, label, depth: depth as f32 })
         };
-        let labels = (0..width as usize * height as usize).into_par_iter().map(label).collect();
+        let surfaces = (0..width as usize * height as usize).into_par_iter().map(seen).collect();
         shown.tracer.check()?;
-        if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(labels) }
+        if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(surfaces) }
     }
 
     fn rebuilt(&self) -> Rebuilt {

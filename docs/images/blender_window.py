@@ -156,7 +156,7 @@ def steps():
     shot("blender-first")
 
     # Search among the shown labels, and select the hits. The outline of the object would hide those of labels.
-    space.overlay.show_outline_selected = False
+    sys.modules[EXTENSION].true_overlays.wishes_of(space).show_outline_selected = False
     assert bpy.ops.pumice.labels_search(query="voxels>100000", shown_only=True) == {"FINISHED"}
     with in_view():
         bpy.ops.pumice.labels_select_hits()

@@ -401,10 +401,11 @@ class Session:
         """
         Applies a list of edits in JSON, all or none; returns the new revision.
         """
-    def label_film(self, /) -> tuple[int, Array] | None:
+    def label_film(self, /) -> tuple[int, Array, Array] | None:
         """
-        The revision of which the label film was made, and the film: (height, width, 2) of instance id and row in the label table + 1, row 0 at
-        the top, 0 where there is no label. `None` while the worker makes it; never waits.
+        The revision of which the label film was made, its pixels and its depth: (height, width, 2) of the id of the instance or mesh and the
+        row in the label table + 1, 0 where there is none, and (height, width) of world units along the view axis, infinite where there is
+        nothing; row 0 at the top. `None` while the worker makes it; never waits.
         """
     def latest(self, /, after: SupportsIndex) -> Frame | None:
         """

@@ -46,11 +46,14 @@ class Pick:
 
 @dataclasses.dataclass(frozen=True)
 class LabelFilm:
-    """The label under the centre of every pixel: `pixels` is (height, width, 2), row 0 at the top, the instance's id and the label's row in
-    the label table plus 1; 0 where there is no label. `revision` is the revision of the scene that it was made of."""
+    """What lies under the centre of every pixel, row 0 at the top: `pixels` is (height, width, 2), the id of the instance and the label's row
+    in the label table plus 1, or the id of the mesh and 0; 0 and 0 where there is nothing. `depth` is (height, width), the distance of that
+    surface from the camera along its view axis in world units; infinite where there is nothing. Glass and transparent surfaces count.
+    `revision` is the revision of the scene that it was made of."""
 
     revision: int
     pixels: npt.NDArray[np.uint32]
+    depth: npt.NDArray[np.float32]
 
 
 Frame = _native.Frame
@@ -111,10 +114,10 @@ class Session:
         return self._native.latest(after)
 
     def label_film(self) -> LabelFilm | None:
-        """The labels that the newest revision shows; None while the worker makes the film, which the first call asks for, or if that revision
+        """The labels that the newest revision shows, and their depth; None while the worker makes the film, which the first call asks for, or if that revision
         cannot be shown. A change of light, materials or colors keeps the film. Never waits, and copies nothing."""
         found = self._native.label_film()
-        return None if found is None else LabelFilm(found[0], np.asarray(found[1]))
+        return None if found is None else LabelFilm(found[0], np.asarray(found[1]), np.asarray(found[2]))
 
     @checked
     def pick(self, x: int, y: int) -> Pick | None:

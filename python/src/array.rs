@@ -29,6 +29,8 @@ pub(crate) enum Data {
     Frame(Arc<Frame>),
     /// The pixels of a label film.
     Labels(Arc<LabelFilm>),
+    /// The depth of a label film.
+    Depth(Arc<LabelFilm>),
 }
 
 impl Data {
@@ -47,6 +49,7 @@ impl Data {
             Self::U64(v) => of(v),
             Self::Frame(frame) => of(&frame.rgba),
             Self::Labels(film) => of(&film.pixels),
+            Self::Depth(film) => of(&film.depth),
         }
     }
 
@@ -55,7 +58,7 @@ impl Data {
         match self {
             Self::Bool(_) => (1, c"?"),
             Self::U8(_) => (1, c"B"),
-            Self::F32(_) | Self::Frame(_) => (4, c"f"),
+            Self::F32(_) | Self::Frame(_) | Self::Depth(_) => (4, c"f"),
             Self::F64(_) => (8, c"d"),
             Self::I32(_) => (4, c"i"),
             Self::U32(_) | Self::Labels(_) => (4, c"I"),

@@ -109,12 +109,14 @@ impl Session {
         Ok(found)
     }
 
-    /// The revision of which the label film was made, and the film: (height, width, 2) of instance id and row in the label table + 1, row 0 at
-    /// the top, 0 where there is no label. `None` while the worker makes it; never waits.
-    fn label_film(&self) -> PyResult<Option<(u64, Array)>> {
+    /// The revision of which the label film was made, its pixels and its depth: (height, width, 2) of the id of the instance or mesh and the
+    /// row in the label table + 1, 0 where there is none, and (height, width) of world units along the view axis, infinite where there is
+    /// nothing; row 0 at the top. `None` while the worker makes it; never waits.
+    fn label_film(&self) -> PyResult<Option<(u64, Array, Array)>> {
         let Some(film) = self.live()?.label_film() else { return Ok(None) };
-        let shape = [film.height as usize, film.width as usize, 2];
-        Ok(Some((film.revision, Array::new(Data::Labels(film), &shape))))
+        let [height, width] = [film.height as usize, film.width as usize];
+        let pixels = Array::new(Data::Labels(Arc::clone(&film)), &[height, width, 2]);
+        Ok(Some((film.revision, pixels, Array::new(Data::Depth(film), &[height, width]))))
     }
 
     /// (state, error, revision, backend, device, notices, counters).

@@ -138,19 +138,25 @@ def test_picks(scene, volume, labels):
 
 
 def test_a_label_film_is_the_label_pass_with_instances(scene, volume):
-    """The film is read without a copy, and nobody can write to it."""
+    """And its depth is the Depth pass. The film is read without a copy, and nobody can write to it."""
     with pumice.Session(scene, [volume], spp=1) as session:
         assert session.label_film() is None, "the first call asks for it"
         end = time.monotonic() + 60
         while (film := session.label_film()) is None:
             assert time.monotonic() < end, session.status
             time.sleep(0.002)
-        label = pumice.render(scene, volume, spp=1).label
+        picture = pumice.render(scene, volume, spp=1)
+        label = picture.label
         assert film.pixels.dtype == np.uint32 and film.pixels.shape == (40, 60, 2) and film.revision == 1
         assert np.array_equal(film.pixels[..., 1], label)
         assert not np.array_equal(film.pixels[::-1, :, 1], label), "the comparison would notice other rows"
         assert np.array_equal(film.pixels[..., 0], (label > 0).astype(np.uint32)), "the only instance has the id 1"
+        assert film.depth.dtype == np.float32 and np.array_equal(film.depth, picture.depth)
+        assert np.isinf(film.depth[label == 0]).all() and np.isfinite(film.depth[label > 0]).all()
         assert np.shares_memory(film.pixels, session.label_film().pixels)
+        assert np.shares_memory(film.depth, session.label_film().depth)
+        with pytest.raises(ValueError):
+            film.depth[0, 0] = 1
         with pytest.raises(ValueError):
             film.pixels[0, 0, 0] = 1
     seen = film.pixels.copy()

@@ -245,9 +245,13 @@ fn unlike_picks(live: &Live, film: &LabelFilm) -> usize {
     let pixels = (0..film.height).flat_map(|y| (0..film.width).map(move |x| [x, y]));
     let picked = pixels.map(|[x, y]| {
         let pick = live.pick(x, y).unwrap();
-        pick.map_or([0, 0], |p| [scene.instances[p.instance as usize].id, p.label + 1])
+        let of = |p: pumice_transport::Pick| {
+            ([scene.instances[p.instance as usize].id, p.label + 1], p.depth as f32)
+        };
+        pick.map_or(([0, 0], f32::INFINITY), of)
     });
-    picked.zip(&film.pixels).filter(|(picked, pixel)| picked != *pixel).count()
+    let seen = film.pixels.iter().copied().zip(film.depth.iter().copied());
+    picked.zip(seen).filter(|(picked, seen)| picked != seen).count()
 }
 
 #[test]
@@ -266,6 +270,9 @@ fn a_label_film_is_what_picks_find_in_every_pixel() {
     let mut broken = (*film).clone();
     broken.pixels.swap(0, 24 + 20 * 48);
     assert_eq!(unlike_picks(&live, &broken), 2, "the comparison notices");
+    broken = (*film).clone();
+    broken.depth[24 + 20 * 48] *= 1.0 + 1e-6;
+    assert_eq!(unlike_picks(&live, &broken), 1, "it notices a depth");
 }
 
 #[test]

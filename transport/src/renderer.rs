@@ -57,13 +57,15 @@ pub struct Pick {
     pub depth: f64,
 }
 
-/// The label under a pixel.
-#[derive(Clone, Copy, Debug, PartialEq, Eq)]
-pub struct SeenLabel {
-    /// Position of the instance in the scene's list.
+/// The first surface under a pixel.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub struct SeenSurface {
+    /// Position of the instance in the scene's list; meshes are counted on after the instances.
     pub instance: u32,
-    /// Dense label index.
-    pub label: u32,
+    /// Dense label index; `None` on a mesh.
+    pub label: Option<u32>,
+    /// Distance of the hit along the view axis, in world units.
+    pub depth: f32,
 }
 
 /// How often a renderer has built each kind of its data. Tests use it to prove that a camera move rebuilds only the camera, and a colour
@@ -134,11 +136,12 @@ pub trait Renderer: Send {
     /// [`RenderError::Scene`] before any scene was set.
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError>;
 
-    /// The labels that [`Renderer::pick`] finds in all pixels, row by row from the top.
+    /// The first surfaces under the middles of all pixels, row by row from the top: the hits of [`Renderer::pick`], and those of meshes too.
+    /// What a surface is made of does not matter, so glass and transparent surfaces count.
     ///
     /// # Errors
     /// [`RenderError::Scene`] before any scene was set; [`RenderError::Cancelled`].
-    fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError>;
+    fn seen_surfaces(&mut self, job: &Job) -> Result<Vec<Option<SeenSurface>>, RenderError>;
 
     /// How often each kind of data was built since the renderer was created.
     fn rebuilt(&self) -> Rebuilt;

@@ -11,7 +11,7 @@ use std::time::{Duration, Instant};
 use pumice_core::Job;
 use pumice_picture::film::CLASSES;
 use pumice_picture::{Image, Picture, film_memory};
-use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer, SeenLabel};
+use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer, SeenSurface};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
 use crate::machine::{DeviceContext, Opening};
@@ -241,11 +241,11 @@ impl Renderer for VulkanRenderer {
         self.twice(|shown, machine| shown.pick(machine, x, y))
     }
 
-    fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
+    fn seen_surfaces(&mut self, job: &Job) -> Result<Vec<Option<SeenSurface>>, RenderError> {
         let [width, height] = self.shown.as_ref().ok_or_else(no_scene)?.film.size;
-        film_memory::check_labels(width, height, size_of::<Option<SeenLabel>>())?;
-        let labels = self.twice(|shown, machine| shown.labels(machine, job))?;
-        if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(labels) }
+        film_memory::check_labels(width, height, size_of::<Option<SeenSurface>>())?;
+        let surfaces = self.twice(|shown, machine| shown.seen_surfaces(machine, job))?;
+        if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(surfaces) }
     }
 
     fn rebuilt(&self) -> Rebuilt {

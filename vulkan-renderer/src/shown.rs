@@ -16,7 +16,7 @@ use pumice_transport::emitters::EmissiveGeometry;
 use pumice_transport::geometry::{Contacts, Cuts, LodChoice, MeshGrid, Placement, mesh_placement};
 use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source, sums_of};
 use pumice_transport::{
-    Emitters, LoadedScene, MaterialTable, Pick, ReadImage, Rebuilt, RenderError, SeenLabel, SurfaceKind,
+    Emitters, LoadedScene, MaterialTable, Pick, ReadImage, Rebuilt, RenderError, SeenSurface, SurfaceKind,
     scene_lights,
 };
 
@@ -160,16 +160,19 @@ impl Shown {
         let tile = Tile { x, y, width: 1, height: 1 };
         self.first(machine, &tile, 1, bytemuck::cast_slice_mut(&mut hit))?;
         let [HitRecord { t: depth, surface: s, .. }] = hit;
-        Ok(label_of(&s).map(|SeenLabel { instance, label }| Pick { instance, label, voxel: s.voxel, depth }))
+        Ok(label_of(&s).map(|label| Pick { instance: s.instance, label, voxel: s.voxel, depth }))
     }
 
-    /// The labels under the centres of all pixels; incomplete if the job is cancelled.
-    pub(crate) fn labels(
+    /// The first surfaces under the centres of all pixels; incomplete if the job is cancelled.
+    pub(crate) fn seen_surfaces(
         &self,
         machine: &mut DeviceContext,
         job: &Job,
-    ) -> Result<Vec<Option<SeenLabel>>, UploadError> {
-        self.firsts(machine, 1, job, |hit: &HitRecord| label_of(&hit.surface))
+    ) -> Result<Vec<Option<SeenSurface>>, UploadError> {
+        self.firsts(machine, 1, job, |HitRecord { t: depth, surface: s, .. }: &HitRecord| {
+            let seen = SeenSurface { instance: s.instance, label: label_of(s), depth: *depth as f32 };
+            (s.instance != NONE).then_some(seen)
+        })
     }
 
     /// Checks that the host has memory for the finished picture.
@@ -187,7 +190,7 @@ impl Shown {
             Ok::<_, RenderError>(Image::new(width, height, pixels))
         };
         // Only hits tell instances, so a scene of several asks twice.
-        let position = |hit: &HitRecord| label_of(&hit.surface).map_or(0, |seen| seen.instance);
+        let position = |hit: &HitRecord| label_of(&hit.surface).map_or(0, |_| hit.surface.instance);
         let instance = match self.scene.scene().instances.len() {
             0 | 1 => None,
             _ => Some(self.firsts(machine, 1, &Job::new(), position)?),
@@ -269,9 +272,9 @@ impl Shown {
 }
 
 /// The label of a surface, if there is one and it has a label.
-fn label_of(surface: &SurfaceRecord) -> Option<SeenLabel> {
+fn label_of(surface: &SurfaceRecord) -> Option<u32> {
     let labelled = surface.instance != NONE && surface.face >> 3 != SurfaceKind::Triangle as u32;
-    labelled.then_some(SeenLabel { instance: surface.instance, label: surface.label })
+    labelled.then_some(surface.label)
 }
 
 fn launch_of(tile: &Tile) -> Launch {

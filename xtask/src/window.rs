@@ -77,6 +77,7 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
     for (from, name) in [
         (extension::zip(target, "release"), "pumice.zip"),
         (root.join("blender-addon/tests/window_drive.py"), "drive.py"),
+        (root.join("blender-addon/tests/window_overlays.py"), "window_overlays.py"),
         (root.join("blender-addon/tests/window_pick.py"), "window_pick.py"),
         (root.join("blender-addon/tests/window_drop.py"), "window_drop.py"),
         (root.join("blender-addon/tests/window_series.py"), "window_series.py"),

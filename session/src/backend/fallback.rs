@@ -13,7 +13,7 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_picture::{Image, Picture};
-use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenLabel};
+use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface};
 
 /// A function that opens a renderer.
 type Open = Box<dyn Fn() -> Result<Box<dyn Renderer>, RenderError> + Send>;
@@ -218,8 +218,8 @@ impl Renderer for FallbackRenderer {
         self.ask_surfaces(|renderer| renderer.pick(x, y))
     }
 
-    fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
-        self.ask_surfaces(|renderer| renderer.labels(job))
+    fn seen_surfaces(&mut self, job: &Job) -> Result<Vec<Option<SeenSurface>>, RenderError> {
+        self.ask_surfaces(|renderer| renderer.seen_surfaces(job))
     }
 
     fn rebuilt(&self) -> Rebuilt {

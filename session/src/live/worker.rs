@@ -13,7 +13,7 @@ use pumice_scene::{Film, Passes};
 use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, Progress, Rebuilt, RenderError, Renderer};
 
-use super::{Frame, LabelFilm, LiveState, MOST_NOTICES, Question, Shared};
+use super::{Frame, LabelFilm, LiveState, MOST_NOTICES, Question, Shared, label_film};
 use crate::backend::FallbackRenderer;
 use crate::measure::Stopwatch;
 use crate::progressive::Stop;
@@ -227,7 +227,7 @@ impl Worker {
             return Ok(());
         }
         let made = match self.whole {
-            Some(revision) => self.renderer.labels(job).map(|labels| Some((revision, labels))),
+            Some(revision) => self.renderer.seen_surfaces(job).map(|seen| Some((revision, seen))),
             None => Ok(None),
         };
         if let Err(RenderError::Cancelled) = made {
@@ -237,11 +237,11 @@ impl Worker {
             let mut board = self.shared.board();
             board.labels_wanted = false;
             let scene = board.scene.scene();
-            (scene.instances.iter().map(|instance| instance.id).collect::<Vec<u32>>(), scene.film)
+            (label_film::ids(scene), scene.film)
         };
-        let Some((revision, labels)) = made? else { return Ok(()) };
+        let Some((revision, seen)) = made? else { return Ok(()) };
         // Clients look at the board at every redraw, so the film is made without it.
-        let film = LabelFilm::new(revision, [film.width, film.height], &ids, &labels);
+        let film = LabelFilm::new(revision, [film.width, film.height], &ids, &seen);
         let mut board = self.shared.board();
         // Until here an edit may have come of which the worker does not know yet: only if labels stay are instances and film the same.
         if board.labels_since <= revision {

@@ -103,9 +103,9 @@ impl Renderer for Fake {
         Ok(Some(Pick { instance: 0, label: x, voxel: [0; 3], depth: 1.0 }))
     }
 
-    fn labels(&mut self, _: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
+    fn seen_surfaces(&mut self, _: &Job) -> Result<Vec<Option<SeenSurface>>, RenderError> {
         self.call(At::Pick)?;
-        Ok(vec![Some(SeenLabel { instance: 0, label: 7 }); self.image().pixels.len()])
+        Ok(vec![Some(SeenSurface { instance: 0, label: Some(7), depth: 1.0 }); self.image().pixels.len()])
     }
 
     fn rebuilt(&self) -> Rebuilt {
@@ -225,8 +225,8 @@ fn a_pick_is_answered_by_the_next_way_and_a_color_later() {
     assert_eq!(renderer.pick(3, 0).unwrap().unwrap().label, 3);
     let (mut other, _) = ways(&[("vulkan-rt", At::Pick), ("cpu", At::Never)], full);
     other.set_scene(&scene).unwrap();
-    let labels = other.labels(&Job::new()).unwrap();
-    assert_eq!((labels.len(), labels[0].unwrap().label, other.name()), (8, 7, "cpu"));
+    let seen = other.seen_surfaces(&Job::new()).unwrap();
+    assert_eq!((seen.len(), seen[0].unwrap().label, other.name()), (8, Some(7), "cpu"));
     assert_eq!(renderer.name(), "cpu");
 
     let (mut renderer, _) = ways(&[("vulkan-rt", At::Color), ("cpu", At::Never)], full);
@@ -298,8 +298,8 @@ fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
         fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
             self.0.pick(x, y)
         }
-        fn labels(&mut self, job: &Job) -> Result<Vec<Option<SeenLabel>>, RenderError> {
-            self.0.labels(job)
+        fn seen_surfaces(&mut self, job: &Job) -> Result<Vec<Option<SeenSurface>>, RenderError> {
+            self.0.seen_surfaces(job)
         }
         fn rebuilt(&self) -> Rebuilt {
             self.0.rebuilt()
