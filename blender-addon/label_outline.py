@@ -79,13 +79,16 @@ class Outline:
 
 def rectangles(edges):
     """The set pixels of a mask as rectangles, one for each run in a row: corners (4 n, 3), from the lower left, and triangles (2 n, 3)."""
-    padded = np.pad(edges, ((0, 0), (1, 1))).astype(np.int8)
-    steps = np.diff(padded, axis=1)
-    # Both lists go row by row, so the i-th run ends at the i-th end.
-    (rows, starts), (_, ends) = np.nonzero(steps == 1), np.nonzero(steps == -1)
+    height, width = edges.shape
+    found = np.flatnonzero(edges)
+    rows, columns = np.divmod(found, max(1, width))
+    # A run begins where no set pixel of the same row is before it, and ends where the next one begins.
+    begins = np.flatnonzero(np.concatenate([[True], (np.diff(found) != 1) | (columns[1:] == 0)])[: len(found)])
+    last = np.append(begins[1:], len(found))[: len(begins)] - 1
+    rows, starts, ends = rows[begins], columns[begins], columns[last] + 1
     corners = np.zeros((len(rows), 4, 3), dtype=np.float32)
     corners[:, :, 0] = np.stack([starts, ends, ends, starts], axis=1)
-    tops = edges.shape[0] - rows
+    tops = height - rows
     corners[:, :, 1] = np.stack([tops - 1, tops - 1, tops, tops], axis=1)
     first = 4 * np.arange(len(rows), dtype=np.int32)
     triangles = first[:, None, None] + np.array([[0, 1, 2], [0, 2, 3]], dtype=np.int32)

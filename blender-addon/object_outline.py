@@ -44,15 +44,19 @@ def mask(instance, chosen):
     for number, state in chosen.items():
         if number < len(table):
             table[number] = state
-    state = table[instance]
-    beside = np.zeros(state.shape, dtype=np.uint8)
-    at_edge = np.zeros(state.shape, dtype=bool)
-    for before, after in (((slice(None), slice(None, -1)), (slice(None), slice(1, None))), (np.s_[:-1, :], np.s_[1:, :])):
-        apart = instance[before] != instance[after]
-        for here, there in ((before, after), (after, before)):
-            np.maximum(beside[here], state[there] * apart, out=beside[here])
-            at_edge[here] |= apart
-    return np.where(state > 0, state * at_edge, beside)
+    edges, seen, width = np.zeros(instance.size, dtype=np.uint8), instance.reshape(-1), instance.shape[1]
+    # Neighbors that differ are few, so all else is done for these pairs alone.
+    across, down = np.flatnonzero(seen[:-1] != seen[1:]), np.flatnonzero(seen[:-width] != seen[width:])
+    across = across[(across + 1) % width > 0]
+    first, second = np.concatenate([across, down]), np.concatenate([across + 1, down + width])
+    pairs = [(first, second), (second, first)]
+    for state in (SELECTED, ACTIVE):
+        for here, there in pairs:
+            edges[here[table[seen[there]] == state]] = state
+    for here, _ in pairs:
+        own = table[seen[here]]
+        edges[here[own > 0]] = own[own > 0]
+    return edges.reshape(instance.shape)
 
 
 class Outline:

@@ -155,6 +155,18 @@ def steps():
     yield from done()
     shot("blender-first")
 
+    # Outline and grid as Pumice draws them, and their boxes.
+    space.show_region_ui = False
+    yield from events("mousemove 560 180")
+    yield from done()
+    with in_view():
+        bpy.ops.wm.call_panel(name="VIEW3D_PT_overlay_guides", keep_open=True)
+    yield 1.5
+    shot("blender-overlays", (90, 60, 900, 640))
+    yield from events("key Escape", "mousemove 560 860")
+    space.show_region_ui = True
+    yield 1.0
+
     # Search among the shown labels, and select the hits. The outline of the object would hide those of labels.
     sys.modules[EXTENSION].true_overlays.wishes_of(space).show_outline_selected = False
     assert bpy.ops.pumice.labels_search(query="voxels>100000", shown_only=True) == {"FINISHED"}
