@@ -16,7 +16,7 @@ use xxhash_rust::xxh3::xxh3_64;
 use crate::leaves::{Class, MAX_PATTERNS, RARE};
 use crate::node::NodeRef;
 use crate::reserve::{make_room, make_room_in_map, reserved};
-use crate::{BoxRecord, Chunk, CompressedVolume, Error, LabelRun, Leaves, Result, morton};
+use crate::{BoxRecord, CHUNK_VOXELS, Chunk, CompressedVolume, Error, LabelRun, Leaves, Result, morton};
 
 /// What memory is for, in errors.
 const WHAT: &str = "the volume with more of its labels";
@@ -41,7 +41,9 @@ impl CompressedVolume {
         joined.runs = reserved(sum(|v| v.runs.len()), WHAT)?;
         let (mut ours, mut theirs) = (0, 0);
         loop {
-            let place = |v: &Self, c: usize| v.chunks.get(c).map(|chunk| morton::encode(chunk.origin));
+            let place = |v: &Self, c: usize| {
+                v.chunks.get(c).map(|chunk| morton::encode(chunk.origin.map(|v| v / CHUNK_VOXELS)))
+            };
             let order = match (place(self, ours), place(more, theirs)) {
                 (None, None) => break,
                 (Some(_), None) => Ordering::Less,

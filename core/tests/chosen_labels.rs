@@ -202,6 +202,33 @@ fn labels_are_added_in_any_order() {
     assert!(joined_nodes < separate_nodes, "some nodes are in several parts");
 }
 
+/// Chunks whose lowest voxels have more bits than a cell's place has.
+#[test]
+fn labels_far_away_are_added() {
+    let folder = tempfile::tempdir().unwrap();
+    let path = folder.path().join("a.pumice");
+    let dims = [1, 1, 6_000_000];
+    let mut ids = vec![0u8; dims[2] as usize];
+    for (i, z) in
+        [3, 900, 2_097_151, 2_097_152, 2_098_000, 4_194_304, 4_194_305, 5_999_999].into_iter().enumerate()
+    {
+        ids[z] = 1 + (i % 3) as u8;
+    }
+    let info = VolumeInfo::new(dims, LabelType::U8);
+    let volume = compress_labels(info, LabelBuffer::U8(ids.clone())).unwrap();
+    volume.save(&path, CompressionLevel::Fast, &Job::new()).unwrap();
+    let open =
+        |chosen: [bool; 3]| CompressedVolume::open_labels(&path, |_| chosen.to_vec(), &Job::new()).unwrap();
+    let joined = open([true, false, false]).with_more_labels(&open([false, true, false])).unwrap();
+    let joined = joined.with_more_labels(&open([false, false, true])).unwrap();
+    assert_eq!((joined.runs(), joined.chunks().len()), (volume.runs(), volume.chunks().len()));
+    assert!(volume.chunks().len() > 4);
+    for (z, &id) in ids.iter().enumerate().filter(|(z, id)| **id > 0 || z % 99_991 == 0) {
+        let found = joined.label_at([0, 0, z as u32]).unwrap();
+        assert_eq!(found.map_or(0, |label| label + 1), u32::from(id), "{z}");
+    }
+}
+
 #[test]
 fn what_cannot_be_added_is_refused() {
     let folder = tempfile::tempdir().unwrap();
