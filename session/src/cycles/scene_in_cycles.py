@@ -112,7 +112,9 @@ def mesh_object(name, vertices, faces, material_of_face, materials, matrix, smoo
         mesh.materials.append(principled(f"{name} {i}", fields))
     obj = linked(name, mesh, matrix)
     # Blender offsets the start of shadow rays on smooth triangles; this switches it off, so that they start on the surface.
-    obj.shadow_terminator_geometry_offset = obj.shadow_terminator_shading_offset = 0.0
+    # Blender 4.2 has them among Cycles' own settings.
+    of_cycles = obj if hasattr(obj, "shadow_terminator_geometry_offset") else obj.cycles
+    of_cycles.shadow_terminator_geometry_offset = of_cycles.shadow_terminator_shading_offset = 0.0
     return obj
 
 
