@@ -35,11 +35,11 @@ _depths = weakref.WeakKeyDictionary()
 
 
 class View(NamedTuple):
-    """How a region looks at the world; matrices are lists of rows."""
+    """View and projection of a region; matrices are lists of rows."""
 
     world_from_view: list
     window: list
-    is_side: bool  # whether it looks along an axis
+    is_side: bool  # an orthographic view along an axis of the world
     is_camera: bool
     clip_end: float
 
@@ -197,7 +197,7 @@ def draw_grid():
 
 
 def view_of(context):
-    """How the region of a context looks at the world."""
+    """View and projection of the region of a context."""
     region, space = context.region_data, context.space_data
     is_camera = region.view_perspective == "CAMERA" and space.camera is not None and space.camera.type == "CAMERA"
     return View(

@@ -16,7 +16,7 @@ struct GridView {
   vec4 right;       /* of the view, in the world; w: half width at distance 1, or of a parallel view */
   vec4 up;          /* w: the same of the height */
   vec4 forward;     /* w: 1 in perspective */
-  vec4 origin;      /* where it looks from; w: distance of that before the origin of the film's depth, along the view axis */
+  vec4 origin;      /* position of the viewer; w: how far it is before the origin of the film's depth, along the view axis */
   vec4 window;      /* center of the window, and the part of the window matrix that makes a depth */
   vec4 reach;       /* distance at which the grid begins to fade; half of further pixels of a line's width; 1 in a camera view */
   vec4 plane;       /* 1 for the axes in the plane of the grid; w: 1 where it is drawn */

@@ -166,7 +166,7 @@ def _keep(screen, entries):
 
 
 def _view(space):
-    """What a copy of a space has in common with it, and hardly another space: where it looks from."""
+    """Position, direction and lens of a view: a copy of a space has the same, another space hardly ever."""
     region = space.region_3d
     if region is None:
         return None

@@ -106,6 +106,16 @@ def test_numbers_are_as_many_as_the_shader_reads_and_say_where_pixels_are(grid, 
                         assert middle[3] - middle[2] * depth == pytest.approx(clip[2])
 
 
+def test_the_half_of_the_z_axis_before_the_floor_is_drawn_over_it(grid):
+    """The upper half seen from above, the lower one from below."""
+    below = (np.diag([1.0, -1.0, -1.0, 1.0]) @ np.array(TOP, dtype=float)).tolist()
+    for window in (PERSPECTIVE, PARALLEL):
+        for place, sign in ((TOP, 1.0), (below, -1.0)):
+            one = view(grid, place, window)
+            drawn = grid.lines(one, wishes(*FLAGS))._replace(z_axis=True)
+            assert grid.numbers(one, drawn, [1.0] * 8, [[0.0] * 4] * 5, None, (4, 3), 0.0)[31] == sign
+
+
 def test_depth_is_measured_from_where_the_film_was_seen(grid):
     """A parallel view may begin behind its origin: the scene's camera then stands farther back."""
     one = view(grid, TOP, PARALLEL)
