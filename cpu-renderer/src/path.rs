@@ -32,6 +32,10 @@ use crate::film_sample::{AovSample, ColorSample, FilmSample, PassWeights, Surfac
 /// than it saves time.
 const FIRST_ROULETTE: u32 = 2;
 
+/// Throughput below which a path may end; a path that survives goes on with it. Paths that carry more go on, because most leave the scene
+/// after a few surfaces anyway: ending them saves little time and costs much noise (`docs/error-against-time.md`, *Russian roulette*).
+const ROULETTE_THROUGHPUT: f32 = 0.25;
+
 /// Least survival probability, which bounds the weight of surviving paths.
 const LEAST_SURVIVAL: f32 = 0.05;
 
@@ -362,8 +366,8 @@ fn path<T: Tracer + ?Sized>(
         });
 
         // End by Russian roulette; surviving paths are weighted for those that end (Arvo and Kirk 1990).
-        if around.settings.russian_roulette && vertex >= FIRST_ROULETTE && most < 1.0 {
-            let survival = most.max(LEAST_SURVIVAL);
+        if around.settings.russian_roulette && vertex >= FIRST_ROULETTE && most < ROULETTE_THROUGHPUT {
+            let survival = (most * (1.0 / ROULETTE_THROUGHPUT)).max(LEAST_SURVIVAL);
             if sampler.bounce(step, BounceSet::Survival)[0] >= survival {
                 return;
             }

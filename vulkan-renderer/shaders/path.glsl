@@ -19,6 +19,7 @@
 #include "film_sample.glsl"
 
 const uint FIRST_ROULETTE = 2u;
+const float ROULETTE_THROUGHPUT = 0.25;
 const float LEAST_SURVIVAL = 0.05;
 
 const uint MODE_PATH = 0u;
@@ -284,8 +285,9 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
             goes_on = most > 0.0 && (scattered.through ? f64_lt(above, F64_ZERO) : f64_lt(F64_ZERO, above));
 
             // End by Russian roulette; the weight of surviving paths accounts for the ended ones.
-            if (goes_on && scene.it.settings.russian_roulette != 0u && vertex >= FIRST_ROULETTE && most < 1.0) {
-                float survival = max(most, LEAST_SURVIVAL);
+            if (goes_on && scene.it.settings.russian_roulette != 0u && vertex >= FIRST_ROULETTE
+                && most < ROULETTE_THROUGHPUT) {
+                float survival = max(most * (1.0 / ROULETTE_THROUGHPUT), LEAST_SURVIVAL);
                 goes_on = sampler_bounce(points, number, SET_SURVIVAL).x < survival;
                 throughput /= survival;
             }
