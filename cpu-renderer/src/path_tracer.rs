@@ -19,6 +19,13 @@ use crate::path::{Surroundings, follow, radiance};
 /// Largest number of samples that each pixel gets between two looks at the clock.
 const MOST_SAMPLES_A_PASS: u32 = 64;
 
+/// Samples from which on a pass completes a block of [`CLASSES`] samples, however short the slice: a pixel's samples share random numbers
+/// and what rays read. A pass then makes the picture a quarter older at most, so that a live picture still grows.
+const FIRST_OF_BLOCKS: u32 = 16;
+
+/// Least number of samples of a pass for which a pixel's random numbers are made by blocks.
+const LEAST_BY_BLOCKS: u32 = 3;
+
 /// A scene and its picture so far.
 #[derive(Debug)]
 pub struct PathTracer<T> {
@@ -114,7 +121,11 @@ impl<T: Tracer> PathTracer<T> {
             let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
             let most = MOST_SAMPLES_A_PASS.min(spp_limit.min(self.film.next_look()) - spp);
             let least = self.tracer.least_samples_a_pass().min(most);
-            self.add_samples(spp + fit.clamp(least, most), job)?;
+            let mut target = spp + fit.clamp(least, most);
+            if spp >= FIRST_OF_BLOCKS {
+                target = target.div_ceil(CLASSES).saturating_mul(CLASSES).min(spp + most);
+            }
+            self.add_samples(target, job)?;
             if Instant::now() >= end {
                 break;
             }
@@ -144,9 +155,11 @@ impl<T: Tracer> PathTracer<T> {
             if job.is_cancelled() || *row.samples >= target || tracer.failure().is_some() {
                 return;
             }
+            let by_blocks = target - *row.samples >= LEAST_BY_BLOCKS;
             for (x, sums) in row.sums.chunks_exact_mut(STRIDE).enumerate() {
                 let target = target.min(row.most.get(x).copied().unwrap_or(u32::MAX));
-                let mut sampler = PixelSampler::new(seed, [x as u32, row.y], *row.samples);
+                let mut sampler =
+                    PixelSampler::new(seed, [x as u32, row.y], *row.samples).by_blocks(by_blocks);
                 for sample in *row.samples..target {
                     sampler.set_sample(sample);
                     let [u, v] = sampler.film();

@@ -92,7 +92,8 @@ pub(crate) fn render_watched(
     loop {
         let left = stop.seconds.map_or(f64::INFINITY, |s| s - clock.seconds());
         let slice = SLICE.min(Duration::from_secs_f64(left.clamp(0.0, 1.0)));
-        let progress = renderer.advance(slice, stop.spp.unwrap_or(u32::MAX), job)?;
+        let limit = stop.spp.unwrap_or(u32::MAX).min(most_samples_in(left, curve.last()));
+        let progress = renderer.advance(slice, limit, job)?;
         let point = CurvePoint::of(&progress, &clock);
         watch(renderer, &point)?;
         if curve.last().is_some_and(|former| former.spp > point.spp) {
@@ -104,6 +105,14 @@ pub(crate) fn render_watched(
             return Ok(curve);
         }
     }
+}
+
+/// Number of samples that `left` more seconds suffice for, at the pace until `last`, and one more at least: a renderer may add several
+/// samples before it looks at the clock.
+fn most_samples_in(left: f64, last: Option<&CurvePoint>) -> u32 {
+    let Some(last) = last.filter(|last| left.is_finite() && last.seconds > 0.0) else { return u32::MAX };
+    let more = (f64::from(last.spp) * left / last.seconds).max(1.0);
+    last.spp.saturating_add(more as u32)
 }
 
 /// At most `keep` points of a curve, evenly spread in log time, including the first and the last, for a table or a report.
@@ -133,6 +142,18 @@ mod tests {
 
     fn point(seconds: f64) -> CurvePoint {
         CurvePoint { seconds, cpu_seconds: seconds, spp: 1, mean_spp: 1.0, error_estimate: None }
+    }
+
+    /// A second left of a picture that has got 16 samples in 4 seconds is time for four more; none left, for one.
+    #[test]
+    fn what_is_left_of_the_time_limits_the_samples() {
+        let last = CurvePoint { spp: 16, ..point(4.0) };
+        assert_eq!(most_samples_in(1.0, Some(&last)), 20);
+        assert_eq!(most_samples_in(0.0, Some(&last)), 17);
+        assert_eq!(most_samples_in(-1.0, Some(&last)), 17);
+        assert_eq!(most_samples_in(f64::INFINITY, Some(&last)), u32::MAX);
+        assert_eq!(most_samples_in(1.0, None), u32::MAX);
+        assert_eq!(most_samples_in(1e300, Some(&last)), u32::MAX);
     }
 
     /// Each limit by itself, just missed and just met.

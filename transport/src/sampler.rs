@@ -53,6 +53,12 @@ pub enum BounceSet {
 /// Number of sets of one bounce.
 pub const SETS_A_BOUNCE: u32 = 4;
 
+/// Samples whose numbers are made together: one of each class, which share the number of their block.
+const BLOCK: usize = CLASSES as usize;
+
+/// Sets whose numbers are made for a whole block: those that most samples of a pixel ask for.
+const KEPT: usize = 1 + 4 * SETS_A_BOUNCE as usize;
+
 /// The random numbers of one sample of one pixel.
 #[derive(Clone, Debug)]
 pub struct PixelSampler {
@@ -64,6 +70,12 @@ pub struct PixelSampler {
     place: u32,
     /// What all samples of the pixel have in common in each of the sets [`SPREAD`], from its first use on.
     spread: [Cell<Option<SpreadSet>>; SPREAD.end as usize],
+    /// Whether numbers are made for a whole block of samples.
+    by_blocks: bool,
+    /// Bit s is set where `block` has the numbers of set s.
+    known: Cell<u32>,
+    /// The numbers of the block of samples that has this one, of the first sets.
+    block: [[Cell<[f32; 3]>; BLOCK]; KEPT],
 }
 
 /// A set of one pixel whose first point is spread over the picture.
@@ -85,12 +97,30 @@ impl PixelSampler {
         let word = u64::from(pixel[0]) | u64::from(pixel[1]) << 17;
         let seed = mix(seed);
         let (base, shared) = (mix(seed ^ word), mix(seed ^ SHARED_BY_PIXELS));
-        Self { base, sample, shared, place: z_order(pixel), spread: [const { Cell::new(None) }; _] }
+        Self {
+            base,
+            sample,
+            shared,
+            place: z_order(pixel),
+            spread: [const { Cell::new(None) }; _],
+            by_blocks: false,
+            known: Cell::new(0),
+            block: [const { [const { Cell::new([0.0; 3]) }; BLOCK] }; KEPT],
+        }
+    }
+
+    /// The same numbers, made for whole blocks of samples: less work where most samples of a block are asked for, more where one is.
+    #[must_use]
+    pub fn by_blocks(self, by_blocks: bool) -> Self {
+        Self { by_blocks, ..self }
     }
 
     /// Continues with sample number `sample` of the same pixel, with the numbers of [`PixelSampler::new`] for less work.
     #[inline]
     pub fn set_sample(&mut self, sample: u32) {
+        if sample / CLASSES != self.sample / CLASSES {
+            self.known.set(0);
+        }
         self.sample = sample;
     }
 
@@ -116,13 +146,45 @@ impl PixelSampler {
 
     #[inline]
     fn set(&self, set: u32) -> [f32; 3] {
-        let Some(known) = self.spread.get(set as usize) else {
+        let Some(block) = self.block.get(set as usize).filter(|_| self.by_blocks) else {
+            return self.alone(set);
+        };
+        if self.known.get() & 1 << set == 0 {
+            self.make_block(set, block);
+        }
+        block[(self.sample % CLASSES) as usize].get()
+    }
+
+    /// The numbers of one set for this sample alone.
+    #[inline]
+    fn alone(&self, set: u32) -> [f32; 3] {
+        let Some(found) = self.spread.get(set as usize) else {
             let key = key_of(self.base, set);
             return scrambled_point(self.sample, key, key, 0).map(unit);
         };
-        let SpreadSet { key, shared, flips } = known.get().unwrap_or_else(|| self.spread_set(set));
+        let SpreadSet { key, shared, flips } = found.get().unwrap_or_else(|| self.spread_set(set));
         let here = scrambled_point(self.sample, key, shared, SHARED_DIGITS);
         [0, 1, 2].map(|d| unit(here[d] ^ flips[d]))
+    }
+
+    /// Makes the numbers of all samples of the block in one set.
+    #[inline(never)]
+    fn make_block(&self, set: u32, block: &[Cell<[f32; 3]>; BLOCK]) {
+        let number = self.sample / CLASSES;
+        let points = match self.spread.get(set as usize) {
+            Some(found) => {
+                let SpreadSet { key, shared, flips } = found.get().unwrap_or_else(|| self.spread_set(set));
+                scrambled_block(number, key, shared, SHARED_DIGITS, flips)
+            }
+            None => {
+                let key = key_of(self.base, set);
+                scrambled_block(number, key, key, 0, [0; 3])
+            }
+        };
+        for (i, sample) in block.iter().enumerate() {
+            sample.set([0, 1, 2].map(|d| unit(points[d][i])));
+        }
+        self.known.set(self.known.get() | 1 << set);
     }
 
     /// Finds the digits that move the pixel's first point to its place in the sequence across pixels, and keeps them for its other samples.
@@ -158,16 +220,69 @@ fn key_of(base: u64, set: u32) -> u64 {
 /// Point of a sample, with order and digits scrambled by `key`, but for the digits `kept`; `turn` orders the classes.
 #[inline]
 fn scrambled_point(sample: u32, key: u64, turn: u64, kept: u32) -> [u32; 3] {
+    let index = shuffled(sample, key as u32, turn);
+    let values = [index, sobol_second(index).reverse_bits(), sobol_fourth(index).reverse_bits()];
+    let seeds = seeds_of(key);
+    [0, 1, 2].map(|d| scrambled_upward(values[d], seeds[d], kept.reverse_bits()).reverse_bits())
+}
+
+/// [`scrambled_point`] of the four samples of a block, with the digits `flips` flipped: the digits of each dimension, sample by sample.
+///
+/// The numbers of a block's points differ in their two lowest bits, and both Sobol dimensions are linear over the field of two elements. So
+/// the high bits are taken through the sequence once. The rest is arithmetic on four numbers at a time, which the compiler turns into SIMD
+/// instructions.
+fn scrambled_block(block: u32, key: u64, turn: u64, kept: u32, flips: [u32; 3]) -> [[u32; BLOCK]; 3] {
+    let block = owen_scramble(block, key as u32);
+    let class = class_of_block(block);
+    let low = [0, 1, 2, 3].map(|sample| turned(sample, turn) ^ class);
+    let high = block << 2;
+    let (second, fourth) = (sobol_second(high).reverse_bits(), sobol_fourth(high).reverse_bits());
+    let values = [
+        low.map(|low| high | low),
+        low.map(|low| second ^ SECOND_OF_LOW[low as usize]),
+        low.map(|low| fourth ^ FOURTH_OF_LOW[low as usize]),
+    ];
+    let (seeds, kept) = (seeds_of(key), kept.reverse_bits());
+    let mut points = [[0; BLOCK]; 3];
+    for d in 0..3 {
+        for i in 0..BLOCK {
+            points[d][i] = scrambled_upward(values[d][i], seeds[d], kept).reverse_bits() ^ flips[d];
+        }
+    }
+    points
+}
+
+/// The second dimension's digits, from the lowest bit up, of the indices 0 to 3.
+const SECOND_OF_LOW: [u32; BLOCK] = [
+    sobol_second(0).reverse_bits(),
+    sobol_second(1).reverse_bits(),
+    sobol_second(2).reverse_bits(),
+    sobol_second(3).reverse_bits(),
+];
+
+/// The fourth dimension's, likewise.
+const FOURTH_OF_LOW: [u32; BLOCK] = [
+    sobol_fourth(0).reverse_bits(),
+    sobol_fourth(1).reverse_bits(),
+    sobol_fourth(2).reverse_bits(),
+    sobol_fourth(3).reverse_bits(),
+];
+
+/// Seeds of the scrambles of the three dimensions.
+#[inline]
+fn seeds_of(key: u64) -> [u32; 3] {
     let (low, high) = (key as u32, (key >> 32) as u32);
-    let index = shuffled(sample, low, turn);
-    // (With digits counted from the lowest bit, so that each number is reversed once.)
-    let kept = kept.reverse_bits();
-    let scramble = |value: u32, seed| (value & kept | hashed_upward(value, seed) & !kept).reverse_bits();
     [
-        scramble(index, high),
-        scramble(sobol_second(index).reverse_bits(), low.rotate_left(16) ^ high.wrapping_mul(0x85EB_CA6B)),
-        scramble(sobol_fourth(index).reverse_bits(), high.rotate_left(16) ^ low.wrapping_mul(0xC2B2_AE35)),
+        high,
+        low.rotate_left(16) ^ high.wrapping_mul(0x85EB_CA6B),
+        high.rotate_left(16) ^ low.wrapping_mul(0xC2B2_AE35),
     ]
+}
+
+/// The Owen scramble of digits that count from the lowest bit, but for the digits `kept`.
+#[inline]
+fn scrambled_upward(value: u32, seed: u32, kept: u32) -> u32 {
+    value & kept | hashed_upward(value, seed) & !kept
 }
 
 /// Index in the sequence of a sample: an Owen scramble that takes samples of a class to points of a class.
@@ -222,7 +337,7 @@ fn unit(bits: u32) -> f32 {
 /// Second dimension of the Sobol sequence. Its direction numbers are Pascal's triangle modulo 2: bit j of the value, from the top, is the
 /// sum of the index's bits i for which i contains all bits of j (Lucas), a sum over supersets in five steps.
 #[inline]
-fn sobol_second(index: u32) -> u32 {
+const fn sobol_second(index: u32) -> u32 {
     let mut x = index;
     x ^= x >> 16;
     x ^= (x >> 8) & 0x00FF_00FF;
@@ -238,7 +353,7 @@ fn sobol_second(index: u32) -> u32 {
 /// the index, as a polynomial in T, is expanded in powers of p: Σ p^q (a + b T + c T²) stands for three digits shifted by 3q, a·100 + b·110
 /// + c·001 in binary. Four levels do that, by T^3n = p^n + T^n + 1 for n = 8, 4, 2, 1.
 #[inline]
-fn sobol_fourth(index: u32) -> u32 {
+const fn sobol_fourth(index: u32) -> u32 {
     let mut x = index;
     x ^= (x >> 24) & 0x0000_00FF;
     x ^= (x >> 16) & 0x0000_FF00;
@@ -300,8 +415,8 @@ mod tests {
         assert_eq!(bases.len(), all);
     }
 
-    /// A sampler that goes from sample to sample has the numbers of one made for each, in any order of sets. The numbers of another sample
-    /// are others.
+    /// A sampler that goes from sample to sample, by blocks or not, has the numbers of one made for each, in any order of sets. The numbers
+    /// of another sample are others.
     #[test]
     fn going_from_sample_to_sample_changes_no_number() {
         let all = |s: &PixelSampler| {
@@ -311,9 +426,11 @@ mod tests {
             numbers.extend(s.film().into_iter().chain(s.lens()));
             numbers
         };
-        for pixel in [[0, 0], [3, 9], [1000, 700]] {
-            let mut going = PixelSampler::new(5, pixel, 0);
-            for sample in [0, 1, 7, 2, 4096, 3] {
+        for (pixel, by_blocks) in
+            [[0, 0], [3, 9], [1000, 700]].into_iter().flat_map(|p| [(p, false), (p, true)])
+        {
+            let mut going = PixelSampler::new(5, pixel, 0).by_blocks(by_blocks);
+            for sample in [0, 1, 7, 2, 4096, 4098, 3] {
                 going.set_sample(sample);
                 let made = all(&PixelSampler::new(5, pixel, sample));
                 assert_eq!(all(&going), made);

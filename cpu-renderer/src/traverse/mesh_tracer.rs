@@ -63,6 +63,8 @@ pub struct MeshTracer {
     geometry: Arc<Geometry>,
     /// Placement of the mesh's grid.
     placement: Placement,
+    /// Bounds in the world; `None` where the mesh has no triangles.
+    bounds: Option<WorldBounds>,
     instance: u32,
 }
 
@@ -126,7 +128,7 @@ impl MeshTracer {
         let bvh = Bvh::build(bounds)?;
         let mut geometry = Geometry { mesh: Arc::clone(mesh), grid, bvh, is_one_plane: false, is_one_box };
         geometry.is_one_plane = geometry.excludes_all();
-        Ok(Self { geometry: Arc::new(geometry), placement, instance })
+        Ok(Self::placed(Arc::new(geometry), placement, instance))
     }
 
     /// The same triangles at another placement, or as another instance; they share their hierarchy.
@@ -135,7 +137,12 @@ impl MeshTracer {
     /// [`RenderError::Scene`] if the matrix is singular.
     pub fn again(&self, place: u32, instance: u32, world_from_mesh: DAffine3) -> Result<Self, RenderError> {
         let placement = mesh_placement(place, self.geometry.grid.mesh_from_grid, world_from_mesh)?;
-        Ok(Self { geometry: Arc::clone(&self.geometry), placement, instance })
+        Ok(Self::placed(Arc::clone(&self.geometry), placement, instance))
+    }
+
+    fn placed(geometry: Arc<Geometry>, placement: Placement, instance: u32) -> Self {
+        let bounds = geometry.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &placement));
+        Self { geometry, placement, bounds, instance }
     }
 
     /// The mesh, and its corners in its grid.
@@ -150,7 +157,7 @@ impl MeshTracer {
 
     /// Bounds in the world; `None` where the mesh has no triangles.
     pub(super) fn world_bounds(&self) -> Option<WorldBounds> {
-        self.geometry.bvh.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
+        self.bounds
     }
 
     /// Identifies the hierarchy: equal for all meshes that share it, and for no other.
@@ -175,10 +182,11 @@ impl MeshTracer {
         Some(Leaving::new(surface.plane, [a, b, c], goes_back))
     }
 
-    /// Whether a path from there hits nothing of this mesh, because it leaves the one plane of all triangles.
+    /// Whether a ray certainly hits nothing of this mesh up to `t`: it leaves the one plane of all triangles, or misses their bounds.
     #[inline]
-    fn leaves_all(&self, from: PathOrigin) -> bool {
+    fn is_missed(&self, ray: &RayInWorld, from: PathOrigin, t: f64) -> bool {
         self.geometry.is_one_plane && surface_of(from, self.instance).is_some()
+            || self.bounds.is_none_or(|bounds| bounds.are_missed(ray, t))
     }
 
     /// The nearest triangle with scaled t in (0, `t_max`), the one with the lowest index where several are equally near; with `any`, the
@@ -224,7 +232,7 @@ impl MeshTracer {
         t_max: f64,
         best: f64,
     ) -> Option<Hit> {
-        if self.leaves_all(from) {
+        if self.is_missed(ray, from, if best < t_max { best } else { t_max }) {
             return None;
         }
         let ray = IndexRay::in_mesh_grid(&self.placement, ray)?;
@@ -258,7 +266,7 @@ impl Tracer for MeshTracer {
     }
 
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
-        if self.leaves_all(from) {
+        if self.is_missed(ray, from, t_max) {
             return false;
         }
         let Some(ray) = IndexRay::in_mesh_grid(&self.placement, ray) else { return false };

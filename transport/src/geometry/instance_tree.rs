@@ -103,6 +103,18 @@ impl WorldBounds {
         let condition = sums.fold(DVec3::ZERO, |all, s| all + s).max_element() / placement.determinant;
         Self { lo, hi, size: size.max_element(), condition }
     }
+
+    /// Whether a ray certainly meets nothing within these bounds up to `t`: it starts beyond one of their planes, and is beyond it there.
+    ///
+    /// A surface is reported on the ray within the error bound of the module, so planes are moved outward by that bound. (At an infinite
+    /// `t` a component of 0 is not a number, which excludes nothing.)
+    #[inline]
+    pub fn are_missed(&self, ray: &RayInWorld, t: f64) -> bool {
+        let (from, to) = (ray.origin, ray.origin + ray.direction * t);
+        let slack = ROUNDINGS * f64::EPSILON * self.condition * (self.size + from.abs().max_element());
+        let (lo, hi) = (self.lo - slack, self.hi + slack);
+        (from.cmpgt(hi) & to.cmpgt(hi) | from.cmplt(lo) & to.cmplt(lo)).any()
+    }
 }
 
 impl InstanceTree {
@@ -220,28 +232,32 @@ mod tests {
         }
     }
 
-    /// Aims rays at instances, in each instance's own space, and counts the instances that the hierarchy does not find. The instances are
-    /// sheared if `squeeze` is given, lie about `at`, and are seen from nearby and from afar.
-    fn lost(at: f64, squeeze: Option<f64>, change: impl Fn(&mut InstanceTree)) -> usize {
-        let mut random = Random(9);
-        let bounds = BoxBounds { lo: [0; 3], hi: [64; 3] };
-        let places: Vec<Placement> = (0..300)
-            .map(|_| {
-                let mut column = || 1e-3 * (random.point() - 0.5);
-                let m = match squeeze {
-                    Some(squeeze) => DMat3::from_cols(column(), squeeze * column(), column()),
-                    // (Long enough that f64 rounds it down far away.)
-                    None => DMat3::from_diagonal(DVec3::splat(1.02e-3)),
-                };
-                let at = DVec3::splat(at) + random.point();
-                Placement::new(DAffine3::from_mat3_translation(m, at)).unwrap()
-            })
-            .collect();
-        let all = places.iter().map(|p| Some(WorldBounds::new(bounds, p)));
-        let mut tree = InstanceTree::new(all, 1).unwrap().unwrap();
-        change(&mut tree);
-        let mut lost = 0;
-        for (number, place) in (0u32..).zip(&places) {
+    /// Places instances, sheared if `squeeze` is given, about `at`.
+    fn places(random: &mut Random, at: f64, squeeze: Option<f64>) -> Vec<Placement> {
+        let mut place = |_| {
+            let mut column = || 1e-3 * (random.point() - 0.5);
+            let m = match squeeze {
+                Some(squeeze) => DMat3::from_cols(column(), squeeze * column(), column()),
+                // (Long enough that f64 rounds it down far away.)
+                None => DMat3::from_diagonal(DVec3::splat(1.02e-3)),
+            };
+            let at = DVec3::splat(at) + random.point();
+            Placement::new(DAffine3::from_mat3_translation(m, at)).unwrap()
+        };
+        (0..300).map(&mut place).collect()
+    }
+
+    /// Bounds of each instance in its own space.
+    const BOUNDS: BoxBounds = BoxBounds { lo: [0; 3], hi: [64; 3] };
+
+    /// Calls `each` with rays from nearby and from afar that meet an instance in its own space, its number, and t where a ray is within it.
+    fn each_ray_that_meets(
+        random: &mut Random,
+        at: f64,
+        places: &[Placement],
+        mut each: impl FnMut(&RayInWorld, u32, f64),
+    ) {
+        for (number, place) in (0u32..).zip(places) {
             for reach in [1.0, 1e3, 1e6] {
                 // Close to an edge of its bounds.
                 let origin = DVec3::splat(at) + (random.point() - 0.5) * reach;
@@ -254,18 +270,77 @@ mod tests {
                 let (mut enter, mut leave) = (0.0f64, f64::INFINITY);
                 for a in 0..3 {
                     let t = |plane: u32| (f64::from(plane) - from[a]) / own[a];
-                    let (lo, hi) = (t(bounds.lo[a]), t(bounds.hi[a]));
+                    let (lo, hi) = (t(BOUNDS.lo[a]), t(BOUNDS.hi[a]));
                     (enter, leave) = (enter.max(lo.min(hi)), leave.min(lo.max(hi)));
                 }
-                let mut found = false;
-                tree.along_ray(&ray, f64::INFINITY, |i| {
-                    found |= i == number;
-                    f64::INFINITY
-                });
-                lost += usize::from(enter < leave && !found);
+                if enter < leave {
+                    each(&ray, number, enter);
+                }
             }
         }
+    }
+
+    /// Aims rays at instances, in each instance's own space, and counts the instances that the hierarchy does not find. The instances are
+    /// sheared if `squeeze` is given, lie about `at`, and are seen from nearby and from afar.
+    fn lost(at: f64, squeeze: Option<f64>, change: impl Fn(&mut InstanceTree)) -> usize {
+        let mut random = Random(9);
+        let places = places(&mut random, at, squeeze);
+        let all = places.iter().map(|p| Some(WorldBounds::new(BOUNDS, p)));
+        let mut tree = InstanceTree::new(all, 1).unwrap().unwrap();
+        change(&mut tree);
+        let mut lost = 0;
+        each_ray_that_meets(&mut random, at, &places, |ray, number, _| {
+            let mut found = false;
+            tree.along_ray(ray, f64::INFINITY, |i| {
+                found |= i == number;
+                f64::INFINITY
+            });
+            lost += usize::from(!found);
+        });
         lost
+    }
+
+    /// Rays that meet an instance whose bounds count as missed: up to any t, and up to where the ray enters them.
+    fn missed(at: f64, squeeze: Option<f64>, change: impl Fn(&mut WorldBounds)) -> usize {
+        let mut random = Random(9);
+        let places = places(&mut random, at, squeeze);
+        let mut missed = 0;
+        each_ray_that_meets(&mut random, at, &places, |ray, number, enter| {
+            let mut bounds = WorldBounds::new(BOUNDS, &places[number as usize]);
+            change(&mut bounds);
+            missed += usize::from(bounds.are_missed(ray, f64::INFINITY) || bounds.are_missed(ray, enter));
+        });
+        missed
+    }
+
+    #[test]
+    fn what_a_ray_meets_is_not_missed() {
+        let mut without = 0;
+        for at in [0.0, 1e3, -1e9, 1e13] {
+            for squeeze in [None, Some(1.0), Some(1e-3), Some(1e-8), Some(1e6)] {
+                assert_eq!(missed(at, squeeze, |_| {}), 0, "at {at}, squeezed {squeeze:?}");
+                without += missed(at, squeeze, |bounds| bounds.condition = 0.0);
+            }
+        }
+        // Negative control: with planes left where f64 puts them, rays count as missed that are not.
+        assert!(without > 10, "{without} of 18,000");
+    }
+
+    /// A ray that turns its back, passes beside, or ends before the bounds misses them; one that starts within them does not.
+    #[test]
+    fn rays_beside_behind_and_short_of_bounds_miss_them() {
+        let place = Placement::new(DAffine3::from_scale(DVec3::splat(0.5))).unwrap();
+        let bounds = WorldBounds::new(BOUNDS, &place);
+        let missed = |origin: [f64; 3], direction: [f64; 3], t: f64| {
+            bounds.are_missed(&RayInWorld { origin: origin.into(), direction: direction.into() }, t)
+        };
+        assert!(missed([16.0, 16.0, 40.0], [0.1, 0.2, 1.0], f64::INFINITY));
+        assert!(missed([16.0, -1.0, 40.0], [0.0, 0.0, -1.0], 100.0));
+        assert!(missed([16.0, 16.0, 40.0], [0.0, 0.0, -1.0], 7.9));
+        assert!(!missed([16.0, 16.0, 40.0], [0.0, 0.0, -1.0], 8.1));
+        assert!(!missed([16.0, 16.0, 40.0], [0.0, 0.0, -1.0], f64::INFINITY));
+        assert!(!missed([16.0, 16.0, 31.0], [0.1, 0.2, 1.0], f64::INFINITY));
+        assert!(!missed([16.0, 16.0, 40.0], [f64::NAN; 3], 1.0));
     }
 
     #[test]
