@@ -34,12 +34,15 @@ const R: usize = CLASSES as usize;
 /// Floats per pixel.
 pub const STRIDE: usize = 3 * R;
 
+/// Degrees of freedom of a pixel's variance, which comes from the spread of the classes' means.
+pub const DEGREES_OF_FREEDOM: f64 = (CLASSES - 1) as f64;
+
 /// Rows that one thread estimates at a time.
 const ROWS_A_BLOCK: usize = 32;
 
-/// A film's [variance](FilmBuffer::variance) with its degrees of freedom: it comes from the spread of the classes' means.
+/// A film's [variance](FilmBuffer::variance) with its degrees of freedom.
 pub fn variance_known(of_mean: &Image) -> Variance<'_> {
-    Variance { of_mean, degrees_of_freedom: f64::from(CLASSES - 1) }
+    Variance { of_mean, degrees_of_freedom: DEGREES_OF_FREEDOM }
 }
 
 /// Added to μ², so that black pixels do not count infinitely: as in `metrics::rel_mse`.

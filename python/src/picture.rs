@@ -8,7 +8,7 @@ use pumice_core::{CompressedVolume, MeshData};
 use pumice_picture::{Image, Matte, Passes, display_pixels, read_exr};
 use pumice_session::annotations::lay_out;
 use pumice_session::pick_pixels::{find_voxel, pick};
-use pumice_session::render_file::{PictureFormat, PicturePaths, Rendered, render_scene, set_width};
+use pumice_session::render_file::{PictureFormat, PicturePaths, Rendered, render_and_denoise, set_width};
 use pumice_session::{
     Annotations, CurvePoint, DEFAULT_DPI, OpenOptions, ScaleBar, SessionError, Stop, pixels_of_mm,
     with_built_in,
@@ -275,10 +275,9 @@ pub(crate) fn render(
         let meshes = with_built_in(&scene, meshes)?;
         let scene = LoadedScene::new(scene, volumes, meshes)?;
         let laid_out = lay_out(&scene, &annotations)?;
-        let mut rendered = render_scene(&scene, &backend, &stop, &job, &mut |point| told.tell(&job, point))?;
-        if denoise {
-            rendered.denoise()?;
-        }
+        let mut rendered = render_and_denoise(&scene, &backend, &stop, denoise, &job, &mut |point| {
+            told.tell(&job, point);
+        })?;
         laid_out.apply(&mut rendered);
         Ok::<_, SessionError>(rendered)
     });

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, MeshData};
-use pumice_session::{PersistentRenderer, SessionError, Stop, Watching, with_built_in};
+use pumice_session::{PersistentRenderer, Stop, Watching, with_built_in};
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
@@ -84,13 +84,8 @@ impl Renderer {
         let rendered = released(py, &job, || {
             let meshes = with_built_in(&scene, meshes)?;
             let scene = LoadedScene::new(scene, volumes, meshes)?;
-            let watching = Watching { growing, passes, unfinished };
-            let mut rendered =
-                renderer.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))?;
-            if denoise {
-                rendered.denoise()?;
-            }
-            Ok::<_, SessionError>(rendered)
+            let watching = Watching { growing, passes, unfinished, denoise };
+            renderer.render(&scene, &stop, &job, watching, &mut |point| told.tell(&job, point))
         });
         told.result(rendered)
     }

@@ -3,14 +3,41 @@
 
 use pumice_picture::denoise::denoised;
 use pumice_picture::film::variance_known;
-use pumice_picture::{Denoiser, Guides};
-use pumice_transport::RenderError;
+use pumice_picture::{Denoiser, Guides, Image};
+use pumice_transport::{RenderError, Renderer};
 
 use crate::error::{Result, SessionError};
 use crate::measure::Stopwatch;
 use crate::render_file::Rendered;
 
 impl Rendered {
+    /// [Denoises](Rendered::denoise) the picture that `renderer` has just drawn and still shows, on the renderer's own device where it can. The
+    /// notices of a device that cannot join those of the picture.
+    ///
+    /// # Errors
+    /// As [`Rendered::denoise`].
+    pub(crate) fn denoise_with(&mut self, renderer: &mut dyn Renderer) -> Result<()> {
+        let clock = Stopwatch::start();
+        // A device that failed for good leaves the finished picture to the processor, which has all that the filter needs.
+        let made = match renderer.denoised() {
+            Ok(made) => made,
+            Err(RenderError::Restarted) => None,
+            Err(RenderError::Device(why)) => {
+                self.figures.notices.push(format!("{why}; the processor denoises"));
+                None
+            }
+            Err(error) => return Err(error.into()),
+        };
+        self.figures.notices.extend(renderer.notices());
+        match made {
+            Some(smooth) => {
+                self.become_denoised(smooth, &clock);
+                Ok(())
+            }
+            None => self.denoise(),
+        }
+    }
+
     /// Puts the [denoised](pumice_picture::denoise) picture in place of the mean of its samples, which becomes
     /// [`noisy`](pumice_picture::Picture::noisy). A picture that is denoised already stays as it is: filtered twice, its variance would be that
     /// of another picture.
@@ -30,20 +57,30 @@ impl Rendered {
         })?;
         let variance = picture.variance.as_ref().map(variance_known);
         let smooth = denoised(&picture.color, variance, &guides).map_err(RenderError::from)?;
+        self.become_denoised(smooth, &clock);
+        Ok(())
+    }
+
+    /// Puts the denoised picture in place of the mean of its samples, and says so. `clock` runs since the filter began.
+    fn become_denoised(&mut self, smooth: Image, clock: &Stopwatch) {
+        let picture = &mut self.picture;
         picture.noisy = Some(std::mem::replace(&mut picture.color, smooth));
         if let Some(made) = &mut picture.provenance {
             made.denoised = Some(Denoiser::Statistical);
         }
         self.figures.denoised = Some(Denoiser::Statistical);
         self.figures.denoise_seconds = Some([clock.seconds(), clock.cpu_seconds()]);
-        Ok(())
     }
 }
 
 #[cfg(test)]
 mod tests {
+    use std::time::Duration;
+
     use super::*;
-    use pumice_picture::{Image, Picture};
+    use crate::backend::fakes::{At, full, scene, ways};
+    use pumice_core::Job;
+    use pumice_picture::Picture;
 
     /// Three pixels of one label, with noise that explains how they differ.
     fn rendered() -> Rendered {
@@ -75,6 +112,36 @@ mod tests {
         let (once, noisy) = (smooth.picture.color.clone(), smooth.picture.noisy.clone());
         smooth.denoise().unwrap();
         assert_eq!((smooth.picture.color, smooth.picture.noisy), (once, noisy));
+    }
+
+    /// The fakes' devices denoise by adding ½ to their picture, of four samples here; their processor leaves it to the caller.
+    #[test]
+    fn the_renderer_denoises_where_it_can() {
+        let mut by_host = rendered();
+        by_host.denoise().unwrap();
+        let drawn = |fails: &[(&'static str, At)]| {
+            let mut renderer = ways(fails, full).0;
+            renderer.set_scene(&scene([3, 1])).unwrap();
+            while renderer.advance(Duration::ZERO, 4, &Job::new()).unwrap().spp < 4 {}
+            renderer.notices();
+            let mut made = rendered();
+            made.denoise_with(&mut renderer).unwrap();
+            assert_eq!(made.picture.noisy.as_ref(), by_host.picture.noisy.as_ref());
+            assert_eq!(made.figures.denoised, Some(Denoiser::Statistical));
+            assert!(made.figures.denoise_seconds.is_some());
+            (made.picture.color, made.figures.notices)
+        };
+        let on_device = drawn(&[("vulkan-rt", At::Never)]);
+        assert_eq!((on_device.0.pixels, on_device.1.len()), (vec![[4.5; 3]; 3], 0));
+        assert_eq!(drawn(&[("cpu", At::Never)]), (by_host.picture.color.clone(), vec![]));
+        // A device that fails for good: the picture is finished, and nothing is drawn again.
+        for fails in [&[("vulkan-rt", At::Denoised)][..], &[("vulkan-rt", At::Denoised), ("cpu", At::Never)]]
+        {
+            let (color, notices) = drawn(fails);
+            assert_eq!(color, by_host.picture.color);
+            let told = "vulkan-rt on X: out of GPU memory";
+            assert!(notices.iter().any(|n| n.starts_with(told)), "{notices:?}");
+        }
     }
 
     #[test]

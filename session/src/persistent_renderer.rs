@@ -37,7 +37,7 @@ const PAUSE_OF_PASSES_SECONDS: f64 = 5.0;
 /// As for frames: a hundredth of the time, since whoever shows passes takes as long again.
 const PAUSES_OF_PASSES: f64 = 100.0;
 
-/// What a render does for those who watch it.
+/// What a render does for those who watch it, and with the picture.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub struct Watching {
     /// Whether it publishes frames while it renders.
@@ -46,6 +46,8 @@ pub struct Watching {
     pub passes: bool,
     /// Whether a cancelled render returns its picture so far, if it has any sample, and not [`RenderError::Cancelled`].
     pub unfinished: bool,
+    /// Whether the picture that it returns is denoised, on the device that drew it if that can; frames and pictures before it are not.
+    pub denoise: bool,
 }
 
 /// The renderer; see the module.
@@ -206,6 +208,9 @@ impl PersistentRenderer {
         if let Some(fault) = pace.passes_fault {
             rendered.figures.notices.push(format!("passes were not shown while the picture grew: {fault}"));
         }
+        if watching.denoise {
+            rendered.denoise_with(renderer)?;
+        }
         Ok(rendered)
     }
 
@@ -309,7 +314,7 @@ mod tests {
     fn drawn(fails: &[(&'static str, At)]) -> Result<Rendered> {
         let renderer = PersistentRenderer::of(ways(fails, full).0);
         let stop = Stop { spp: Some(4), ..Stop::default() };
-        let watching = Watching { growing: true, passes: true, unfinished: true };
+        let watching = Watching { growing: true, passes: true, unfinished: true, denoise: false };
         renderer.render(&scene([4, 2]), &stop, &Job::new(), watching, &mut |_| ())
     }
 

@@ -44,7 +44,7 @@ pub use picture_format::PictureFormat;
 pub use provenance::hash_text;
 pub(crate) use provenance::sky_hash_text;
 pub use pumice_picture::PicturePaths;
-pub use render_scene::{PageFigures, RenderFigures, Rendered, render_scene};
+pub use render_scene::{PageFigures, RenderFigures, Rendered, render_and_denoise, render_scene};
 pub(crate) use render_scene::{bytes_of_film, check_memory, report, sampled};
 pub use request::{RenderOverrides, RenderRequest, Subject};
 pub use time_steps::render_time_steps;
@@ -111,10 +111,8 @@ pub fn render_file(
         Ready::new(request, std::slice::from_ref(&request.out), job)?;
     let laid_out = lay_out(&scene, &annotations)?;
     let mut rendered = in_pool(request.threads, || -> Result<Rendered> {
-        let mut rendered = render_scene(&scene, &backend, &stop, job, &mut |point| watch(&stop, point))?;
-        if denoise {
-            rendered.denoise()?;
-        }
+        let mut rendered =
+            render_and_denoise(&scene, &backend, &stop, denoise, job, &mut |point| watch(&stop, point))?;
         laid_out.apply(&mut rendered);
         rendered.figures.opening_seconds = Some(opening_seconds);
         if request.explain {

@@ -106,6 +106,30 @@ fn young_frames_are_filtered_and_the_last_is_not() {
     assert!(is_filtered && with < without, "{samples} samples: {with} of {without}");
 }
 
+/// Frames that a device denoises are those of the processor: colours of the two renderers differ in their last bits, so that single
+/// neighbours may count on one side alone.
+#[test]
+fn frames_are_filtered_on_a_vulkan_device() {
+    let scene = scene([96, 64]);
+    let options = LiveOptions { backend: "vulkan-compute".into(), denoise: true, ..spp(4096) };
+    let live = Live::start(loaded(scene.clone()), options).unwrap();
+    let frame = wait(&live, |f| !f.coarse && f.spp >= 4);
+    let status = live.status();
+    live.stop();
+    assert!(frame.filtered && status.backend == "vulkan-compute" && status.notices.is_empty(), "{status:?}");
+    let stop = Stop { spp: Some(frame.spp), ..Stop::default() };
+    let mut made = render_scene(&loaded(scene.clone()), "cpu", &stop, &Job::new(), &mut |_| ()).unwrap();
+    let unfiltered = rel_mse(&frame.rgba, &plain(&scene, frame.spp));
+    made.denoise().unwrap();
+    let color = made.picture.color;
+    let rows: Vec<&[[f32; 3]]> = color.pixels.chunks(color.width).collect();
+    let expected: Vec<f32> =
+        rows.iter().rev().flat_map(|row| row.iter().flat_map(|&[r, g, b]| [r, g, b, 1.0])).collect();
+    let off = rel_mse(&frame.rgba, &expected);
+    // Negative control: the frame is far from the mean of its samples.
+    assert!(off < 1e-7 && unfiltered > 1e-5, "{off}, from the unfiltered picture {unfiltered}");
+}
+
 #[test]
 fn it_converges_to_the_picture_of_a_plain_render() {
     let scene = scene([200, 120]);

@@ -123,6 +123,16 @@ pub trait Renderer: Send {
     /// As [`Renderer::color`].
     fn variance(&mut self) -> Result<Option<Image>, RenderError>;
 
+    /// The colours so far, [denoised](pumice_picture::denoise) on the renderer's own device from what that has in its memory. `None` where the
+    /// host is to denoise [`Renderer::picture`]: the renderer has no such device, or its device has failed to, which
+    /// [`Renderer::notices`] says.
+    ///
+    /// # Errors
+    /// As [`Renderer::color`]; [`RenderError::Memory`] where the host has none for the picture.
+    fn denoised(&mut self) -> Result<Option<Image>, RenderError> {
+        Ok(None)
+    }
+
     /// The picture so far, with its passes; the caller adds the provenance.
     ///
     /// # Errors

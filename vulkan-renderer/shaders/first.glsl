@@ -24,11 +24,13 @@ void first_of_pixel(uvec2 in_tile) {
         HitRecords(launch.target).at[row] = record_of_hit(hit);
         return;
     }
-    FirstRecord first = FirstRecord(uintBitsToFloat(0x7F800000u), 0u, float[3](0.0, 0.0, 0.0), float[3](0.0, 0.0, 0.0),
+    FirstRecord first = FirstRecord(uintBitsToFloat(0x7F800000u), 0u, 0u, float[3](0.0, 0.0, 0.0), float[3](0.0, 0.0, 0.0),
         float[3](0.0, 0.0, 0.0));
     if (is_hit(hit)) {
         first.depth = f64_to_f32(hit.t);
-        first.label = hit.surface.kind == SURFACE_TRIANGLE ? 0u : hit.surface.label + 1u;
+        bool is_labelled = hit.surface.kind != SURFACE_TRIANGLE;
+        first.label = is_labelled ? hit.surface.label + 1u : 0u;
+        first.instance = is_labelled ? hit.surface.instance : 0u;
         first.albedo = material_of(instance_at(scene, hit.surface.instance), hit.surface.label).base_color;
         DVec3 seen = hit.from_inside ? dvec3_neg(hit.normal_in_world) : hit.normal_in_world;
         shading_normal(scene, hit, position, seen);

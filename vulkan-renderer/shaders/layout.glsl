@@ -350,9 +350,46 @@ struct HitRecord {
 struct FirstRecord {
     float depth;
     uint label;
+    uint instance;
     float albedo[3];
     float normal[3];
     float position[3];
+};
+
+// What `denoise` does with each pixel, by `Launch.wanted`.
+const uint DENOISE_GUIDES = 0u;
+const uint DENOISE_LIGHT = 1u;
+const uint DENOISE_POOLED = 2u;
+const uint DENOISE_WINDOW = 3u;
+
+struct Denoise {
+    Address surfaces;
+    Address guides;
+    Address sums;
+    Address resting;
+    Address image;
+    Address light;
+    Address variance;
+    Address pooled_variance;
+    uint width;
+    uint height;
+    uint samples;
+    uint is_variance_known;
+    float t_squared[3];
+    uint reserved;
+};
+
+struct Guide {
+    float normal[3];
+    float albedo[3];
+    uint label;
+    uint instance;
+    uint is_surface;
+};
+
+struct PixelLight {
+    float mean[3];
+    uint takes_part;
 };
 
 // A node of the bounding volume hierarchy, 80 bytes as documented in pumice_transport::geometry::bvh; bytes are extracted from words.
@@ -388,6 +425,9 @@ layout(buffer_reference, scalar, buffer_reference_align = 4) readonly buffer Bvh
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer RayRecords { RayRecord at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer HitRecords { HitRecord at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FirstRecords { FirstRecord at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer DenoiseRef { Denoise it; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Guides { Guide at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 4) buffer PixelLights { PixelLight at[]; };
 
 // A reference to an instance is the address of its record, the first element of the referenced array.
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer InstanceRef { Instance it; };

@@ -23,7 +23,8 @@ pub(crate) struct Film {
     /// Sums of render passes, where the film keeps any.
     pub(crate) pass_sums: Option<Buffer>,
     pub(crate) size: [u32; 2],
-    /// Which pixels rest (have converged): one word a pixel, not 0 where it rests. `None` where no pixel rests.
+    /// Which pixels rest (have converged): one word a pixel, the samples that it has, or 0 where it does not rest. `None` where no pixel
+    /// rests.
     pub(crate) resting: Option<Buffer>,
     /// Samples of every pixel that does not rest.
     pub(crate) spp: u32,
@@ -91,10 +92,10 @@ impl Film {
     }
 
     fn tell_who_rests(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
-        let words =
-            |resting: &Resting| resting.rested().iter().map(|&r| u32::from(r != AWAKE)).collect::<Vec<_>>();
+        let word = |&rested: &u32| if rested == AWAKE { 0 } else { rested };
+        let words = |resting: &Resting| resting.rested().iter().map(word).collect::<Vec<_>>();
         self.resting = match self.copy.resting().map(words) {
-            Some(words) if words.contains(&1) => {
+            Some(words) if words.iter().any(|&word| word != 0) => {
                 Some(gpu.buffer_of("which pixels rest", bytemuck::cast_slice(&words))?)
             }
             _ => None,

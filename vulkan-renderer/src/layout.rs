@@ -25,16 +25,17 @@ pub struct Launch {
     /// [`SceneHeader`].
     pub scene: Address,
     /// `trace_rays`: [`RayRecord`]s. `probe`: words. `path`: sums of render passes of the whole film, `PassSums::stride` floats a
-    /// pixel; 0 where the film keeps none.
+    /// pixel; 0 where the film keeps none. `denoise`: [`Denoise`].
     pub input: Address,
     /// `trace_rays`: [`HitRecord`]s. `probe`: words. `path`: sums of the whole film, `STRIDE` floats a pixel, rows from the top.
     /// `first`: [`SurfaceAovsRecord`]s or [`HitRecord`]s, in the order of the tile's pixels.
     pub output: Address,
     /// Ray tracing pipeline: [`SCRATCH_BYTES`] for each ray of the launch, uninitialised.
     pub scratch: Address,
-    /// `path`: one word a pixel of the film, not 0 where the pixel rests (has converged); 0 where no pixel rests.
+    /// `path`: one word a pixel of the film, the samples with which it rests (has converged), or 0 where it does not rest; 0 where no pixel
+    /// rests.
     pub resting: Address,
-    /// `path`, `first`: left edge of the tile in pixels of the film.
+    /// `path`, `first`, `denoise`: left edge of the tile in pixels of the film.
     pub tile_x: u32,
     /// Upper edge.
     pub tile_y: u32,
@@ -48,7 +49,7 @@ pub struct Launch {
     pub samples: u32,
     /// `trace_rays`, `probe`: how many rays or inputs there are.
     pub count: u32,
-    /// What `first` writes: 0 [`SurfaceAovsRecord`]s, 1 [`HitRecord`]s (their t is the depth).
+    /// What `first` writes: 0 [`SurfaceAovsRecord`]s, 1 [`HitRecord`]s (their t is the depth). `denoise`: [`DenoiseStep`].
     pub wanted: u32,
 }
 
@@ -603,9 +604,80 @@ pub struct HitRecord {
 #[allow(missing_docs, reason = "as the passes are called")]
 pub struct SurfaceAovsRecord {
     pub depth: f32,
-    /// Dense label + 1; 0 where nothing was hit.
+    /// Dense label + 1; 0 on meshes and where nothing was hit.
     pub label: u32,
+    /// Instance of that label; 0 where there is none.
+    pub instance: u32,
     pub albedo: [f32; 3],
     pub normal: [f32; 3],
     pub position: [f32; 3],
+}
+
+/// What `denoise` does with each pixel of its tile, by [`Launch::wanted`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum DenoiseStep {
+    /// Reads the tile's first surfaces, and writes the guides of these pixels.
+    Guides,
+    /// Takes mean and variance from the film's sums where there are some, and divides both by the base colour.
+    Light,
+    /// Pools the variance of a pixel with those around it.
+    Pooled,
+    /// Replaces the picture's pixel by the mean of its window.
+    Window,
+}
+
+/// A picture that is denoised. Arrays have an element for each pixel, rows from the top, unless another order is said.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Denoise {
+    /// [`SurfaceAovsRecord`]s in the order of the tile's pixels, for [`DenoiseStep::Guides`].
+    pub surfaces: Address,
+    /// [`Guide`]s.
+    pub guides: Address,
+    /// Sums of the film, `STRIDE` floats a pixel; 0 where `image` and `variance` have what the host computed.
+    pub sums: Address,
+    /// Which pixels rest, as [`Launch::resting`].
+    pub resting: Address,
+    /// The picture, three floats a pixel: its mean before the last step, denoised after it.
+    pub image: Address,
+    /// [`PixelLight`]s.
+    pub light: Address,
+    /// Variance of each channel: of the mean until [`DenoiseStep::Light`], of the light after it.
+    pub variance: Address,
+    /// Variance of the light that [`DenoiseStep::Pooled`] finds, three floats a pixel.
+    pub pooled_variance: Address,
+    /// Width of the picture in pixels.
+    pub width: u32,
+    /// Height of the picture in pixels.
+    pub height: u32,
+    /// Samples of each pixel that does not rest.
+    pub samples: u32,
+    /// 0 where no variance is known; then `variance` is not read.
+    pub is_variance_known: u32,
+    /// `WelchTest::t_squared`.
+    pub t_squared: [f32; 3],
+    /// 0.
+    pub reserved: u32,
+}
+
+/// The first surface of a pixel: one pixel of `pumice_picture::Guides`.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in Guides")]
+pub struct Guide {
+    pub normal: [f32; 3],
+    pub albedo: [f32; 3],
+    pub label: u32,
+    pub instance: u32,
+    pub is_surface: u32,
+}
+
+/// Mean of the light of a pixel without its surface's colour, and whether it takes part.
+#[derive(Clone, Copy, Debug, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+#[allow(missing_docs, reason = "as in the denoiser's Light")]
+pub struct PixelLight {
+    pub mean: [f32; 3],
+    pub takes_part: u32,
 }

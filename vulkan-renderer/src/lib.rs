@@ -8,6 +8,7 @@
 //! [`layout`] has every structure that host and shaders share. Whatever is computed before a ray is traced (levels of detail, selection
 //! probabilities of lights, colours of labels) comes from the crate that the CPU renderer uses too, so the two cannot differ there.
 
+pub mod denoise;
 pub mod device;
 mod film;
 pub mod layout;

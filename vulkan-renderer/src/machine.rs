@@ -2,6 +2,7 @@
 
 use std::path::PathBuf;
 
+use crate::denoise::DenoiseProgram;
 use crate::device::{Backend, Buffer, Candidate, DeviceError, Gpu, Instance};
 use crate::program::Program;
 use crate::shaders::{Entry, program};
@@ -28,6 +29,8 @@ pub(crate) struct DeviceContext {
     pub(crate) slices_of_firsts: Slices,
     /// Programs by entry and specialisation constants: as many as there were kinds of scenes.
     programs: Vec<(Entry, Vec<u32>, Program)>,
+    /// The denoiser, once a picture was denoised.
+    denoiser: Option<DenoiseProgram>,
 }
 
 impl DeviceContext {
@@ -41,6 +44,7 @@ impl DeviceContext {
             slices: Slices::default(),
             slices_of_firsts: Slices::of_records(),
             programs: Vec::new(),
+            denoiser: None,
         })
     }
 
@@ -59,11 +63,25 @@ impl DeviceContext {
         Ok(&mut self.programs[place].2)
     }
 
+    /// The denoiser; compiles it on first use.
+    pub(crate) fn denoiser(&mut self) -> Result<&mut DenoiseProgram, DeviceError> {
+        let made = match self.denoiser.take() {
+            Some(made) => made,
+            None => {
+                let made = self.gpu.compiling(|| DenoiseProgram::new(&self.gpu))?;
+                self.gpu.save_pipelines();
+                made
+            }
+        };
+        Ok(self.denoiser.insert(made))
+    }
+
     /// After memory was short: frees what can be made again, and makes launches smaller.
     pub(crate) fn shrink(&mut self) {
         self.programs.iter_mut().for_each(|(_, _, p)| p.drop_scratch());
         self.slices.shrink();
         self.slices_of_firsts.shrink();
+        self.denoiser.iter_mut().for_each(DenoiseProgram::shrink);
     }
 
     /// Bytes of scratch memory that programs hold on the device.

@@ -34,6 +34,8 @@ pub struct VulkanRenderer {
     /// A failure was handled, and nothing has succeeded since.
     failed: bool,
     seconds_a_sample: f64,
+    /// The device failed to denoise a picture: the host denoises all others.
+    host_denoises: bool,
 }
 
 fn no_scene() -> RenderError {
@@ -63,6 +65,7 @@ impl VulkanRenderer {
             notices: Vec::new(),
             failed: false,
             seconds_a_sample: 0.0,
+            host_denoises: false,
         })
     }
 
@@ -71,9 +74,10 @@ impl VulkanRenderer {
         &self.machine.gpu
     }
 
-    /// Removes the scene and frees its memory; compiled programs stay.
+    /// Removes the scene and frees its memory; compiled programs stay. A device that failed to denoise may try again.
     pub fn forget_scene(&mut self) {
         self.shown = None;
+        self.host_denoises = false;
     }
 
     /// How often each part of a scene was sent to the device.
@@ -95,6 +99,7 @@ impl VulkanRenderer {
         // Any call may be the first to report that the device is lost.
         if !self.machine.gpu.is_lost() && !matches!(error, DeviceError::Lost(_)) {
             self.notices.push(format!("{error}; trying again with smaller launches"));
+            self.shown.iter_mut().for_each(Shown::drop_denoiser);
             self.machine.shrink();
             return Ok(());
         }
@@ -235,6 +240,24 @@ impl Renderer for VulkanRenderer {
     fn picture(&mut self) -> Result<Picture, RenderError> {
         self.shown.as_ref().ok_or_else(no_scene)?.check_memory()?;
         self.twice(|shown, machine| shown.picture(machine))
+    }
+
+    fn denoised(&mut self) -> Result<Option<Image>, RenderError> {
+        let shown = self.shown.as_mut().ok_or_else(no_scene)?;
+        if self.host_denoises {
+            return Ok(None);
+        }
+        match shown.denoised(&mut self.machine) {
+            Ok(image) => Ok(Some(image)),
+            Err(UploadError::Scene(error)) => Err(error),
+            Err(UploadError::Device(error)) => {
+                // The samples are not lost with it. A device that was lost is opened again by the call that needs it next.
+                shown.drop_denoiser();
+                self.host_denoises = true;
+                self.notices.push(format!("{error}; the processor denoises from now on"));
+                Ok(None)
+            }
+        }
     }
 
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {

@@ -8,7 +8,8 @@ use std::time::Duration;
 use bytemuck::Zeroable as _;
 use pumice_core::Job;
 use pumice_core::reserve::{collected, zeroed};
-use pumice_picture::film::PICTURE;
+use pumice_picture::denoise::WelchTest;
+use pumice_picture::film::{CLASSES, DEGREES_OF_FREEDOM, PICTURE, variance_known};
 use pumice_picture::{FilmBuffer, Image, Picture, cryptomatte, film_memory, name_labels, name_mattes};
 use pumice_scene::{Part, PartSet};
 use pumice_transport::camera_rays::CameraRays;
@@ -20,6 +21,7 @@ use pumice_transport::{
     scene_lights,
 };
 
+use crate::denoise::{Noisy, PictureDenoiser};
 use crate::device::{Backend, Buffer, DeviceError};
 use crate::film::Film;
 use crate::layout::{HitRecord, Launch, NONE, SurfaceAovsRecord, SurfaceRecord};
@@ -40,6 +42,8 @@ pub(crate) struct Shown {
     on_device: SceneOnDevice,
     pub(crate) film: Film,
     needs: ShaderNeeds,
+    /// Memory for denoising with the scene's guides, once it was asked for.
+    denoiser: Option<PictureDenoiser>,
 }
 
 /// How often each part was rebuilt and sent, over all scenes so far.
@@ -91,7 +95,7 @@ impl Shown {
         *counters = counted;
         machine.slices.be_careful();
         machine.slices_of_firsts.be_careful();
-        Ok(Self { scene: scene.clone(), on_device, film, needs })
+        Ok(Self { scene: scene.clone(), on_device, film, needs, denoiser: None })
     }
 
     /// Puts the same scene and samples on another device.
@@ -101,13 +105,13 @@ impl Shown {
         read_image: ReadImage,
         counters: &mut Counters,
     ) -> Result<Self, UploadError> {
-        let Self { scene, mut film, needs, on_device } = self;
+        let Self { scene, mut film, needs, on_device, denoiser } = self;
         // They are of the lost device. Free them before as much is allocated again.
-        drop(on_device);
+        drop((on_device, denoiser));
         let plan = ScenePlan::between(None, &scene);
         let on_device = Making::new(machine, &scene, None, counters).scene(&plan, read_image)?;
         film.again(&machine.gpu)?;
-        Ok(Self { scene, on_device, film, needs })
+        Ok(Self { scene, on_device, film, needs, denoiser: None })
     }
 
     /// Runs one launch of the unfinished pass, or of a new pass that brings every pixel to `target` samples. Returns true when the pass is
@@ -132,7 +136,7 @@ impl Shown {
             resting: film.resting.as_ref().map_or(0, Buffer::address),
             first_sample: film.spp,
             samples,
-            ..launch_of(&tile)
+            ..tile.launch()
         };
         let program = machine.program(Entry::Path, &Entry::Path.constants(self.needs))?;
         let taken = program.run("a launch of samples", &launch, [tile.width, tile.height])?;
@@ -189,16 +193,14 @@ impl Shown {
             let pixels = collected(firsts.len(), firsts.iter().map(f), PICTURE)?;
             Ok::<_, RenderError>(Image::new(width, height, pixels))
         };
-        // Only hits tell instances, so a scene of several asks twice.
-        let position = |hit: &HitRecord| label_of(&hit.surface).map_or(0, |_| hit.surface.instance);
-        let instance = match self.scene.scene().instances.len() {
-            0 | 1 => None,
-            _ => Some(self.firsts(machine, 1, &Job::new(), position)?),
-        };
         let film: &FilmBuffer = self.film.copy();
         let spp = film.spp();
-        let variance = (spp >= pumice_picture::film::CLASSES).then(|| film.variance());
+        let variance = (spp >= CLASSES).then(|| film.variance());
         let memory = RenderError::from;
+        let instance = match self.scene.scene().instances.len() {
+            0 | 1 => None,
+            _ => Some(collected(firsts.len(), firsts.iter().map(|f| f.instance), PICTURE).map_err(memory)?),
+        };
         let picture = Picture {
             variance: variance.transpose().map_err(memory)?,
             depth: Some(collected(firsts.len(), firsts.iter().map(|f| f.depth), PICTURE).map_err(memory)?),
@@ -254,19 +256,78 @@ impl Shown {
         wanted: u32,
         records: &mut [u8],
     ) -> Result<Duration, DeviceError> {
-        let output = machine.gpu.buffer("first surfaces", records.len() as u64)?;
-        let launch =
-            Launch { scene: self.on_device.address(), output: output.address(), wanted, ..launch_of(tile) };
-        let program = machine.program(Entry::First, &Entry::First.constants(self.needs))?;
-        let taken = program.run("first surfaces", &launch, [tile.width, tile.height])?;
+        let (output, taken) = self.first_on_device(machine, tile, wanted, records.len() as u64)?;
         machine.gpu.download(&output, 0, records)?;
         Ok(taken)
+    }
+
+    /// The first surfaces of a tile in memory of so many bytes, and how long the launch took.
+    fn first_on_device(
+        &self,
+        machine: &mut DeviceContext,
+        tile: &Tile,
+        wanted: u32,
+        bytes: u64,
+    ) -> Result<(Buffer, Duration), DeviceError> {
+        let output = machine.gpu.buffer("first surfaces", bytes)?;
+        let launch =
+            Launch { scene: self.on_device.address(), output: output.address(), wanted, ..tile.launch() };
+        let program = machine.program(Entry::First, &Entry::First.constants(self.needs))?;
+        let taken = program.run("first surfaces", &launch, [tile.width, tile.height])?;
+        Ok((output, taken))
+    }
+
+    /// The picture so far, denoised on the device. The guides are made once for a scene.
+    pub(crate) fn denoised(&mut self, machine: &mut DeviceContext) -> Result<Image, UploadError> {
+        let denoiser = match self.denoiser.take() {
+            Some(made) => made,
+            None => self.guided(machine)?,
+        };
+        let (film, memory) = (&self.film, RenderError::from);
+        let [width, height] = film.size.map(|n| n as usize);
+        let mut pixels = zeroed(width * height, "denoiser: its picture").map_err(memory)?;
+        let copy = film.copy();
+        let test = |samples| WelchTest::of((samples >= CLASSES).then_some(DEGREES_OF_FREEDOM));
+        // The host composites shadow catchers, and its copy is the picture where the device has gone on.
+        if copy.kept().caught || film.pass.is_some() || copy.spp() != film.spp {
+            let mean = copy.mean().map_err(memory)?;
+            let variance = (copy.spp() >= CLASSES).then(|| copy.variance()).transpose().map_err(memory)?;
+            let noisy = Noisy::Host { mean: &mean, variance: variance.as_ref().map(variance_known) };
+            denoiser.denoise(machine.denoiser()?, &noisy, test(copy.spp()), &mut pixels)?;
+        } else {
+            let (sums, resting, samples) = (&film.sums, film.resting.as_ref(), film.spp);
+            let noisy = Noisy::Film { sums, resting, samples };
+            denoiser.denoise(machine.denoiser()?, &noisy, test(samples), &mut pixels)?;
+        }
+        self.denoiser = Some(denoiser);
+        Ok(Image::new(width, height, pixels))
+    }
+
+    /// Memory for denoising, with the guides of this scene.
+    fn guided(&self, machine: &mut DeviceContext) -> Result<PictureDenoiser, DeviceError> {
+        let size = self.film.size;
+        let denoiser = PictureDenoiser::new(&machine.gpu, size)?;
+        let mut at = Cursor::default();
+        while let Some((tile, after)) = machine.slices_of_firsts.next(size, at, 1) {
+            let bytes = tile.pixels() * size_of::<SurfaceAovsRecord>() as u64;
+            let (surfaces, taken) = self.first_on_device(machine, &tile, 0, bytes)?;
+            machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
+            denoiser.guide(machine.denoiser()?, &surfaces, &tile)?;
+            at = after;
+        }
+        Ok(denoiser)
+    }
+
+    /// Frees the memory for denoising, which can be made again.
+    pub(crate) fn drop_denoiser(&mut self) {
+        self.denoiser = None;
     }
 
     /// Bytes on the device by part.
     pub(crate) fn bytes(&self) -> Vec<(&'static str, u64)> {
         let mut bytes = self.on_device.bytes().to_vec();
         bytes.push(("film", self.film.bytes()));
+        bytes.extend(self.denoiser.as_ref().map(|denoiser| ("denoiser", denoiser.bytes())));
         bytes
     }
 }
@@ -275,16 +336,6 @@ impl Shown {
 fn label_of(surface: &SurfaceRecord) -> Option<u32> {
     let labelled = surface.instance != NONE && surface.face >> 3 != SurfaceKind::Triangle as u32;
     labelled.then_some(surface.label)
-}
-
-fn launch_of(tile: &Tile) -> Launch {
-    Launch {
-        tile_x: tile.x,
-        tile_y: tile.y,
-        tile_width: tile.width,
-        tile_height: tile.height,
-        ..Launch::default()
-    }
 }
 
 /// Makes the parts of a scene by its plan. It reuses parts of the former scene that are still valid.

@@ -10,6 +10,8 @@
 //!         │222223333344444...│
 //! ```
 
+use crate::layout::Launch;
+
 /// Target duration of a launch: half of the tenth of a second that is allowed, since the next one may cost more than predicted.
 const AIM_SECONDS: f64 = 0.05;
 
@@ -42,6 +44,17 @@ pub(crate) struct Tile {
 }
 
 impl Tile {
+    /// A launch over the tile.
+    pub(crate) fn launch(&self) -> Launch {
+        Launch {
+            tile_x: self.x,
+            tile_y: self.y,
+            tile_width: self.width,
+            tile_height: self.height,
+            ..Launch::default()
+        }
+    }
+
     /// Number of pixels.
     pub(crate) fn pixels(&self) -> u64 {
         u64::from(self.width) * u64::from(self.height)

@@ -17,10 +17,11 @@ use pumice_scene::PartSet;
 use pumice_transport::Bvh;
 use pumice_transport::geometry::bvh::BoxBounds;
 use pumice_vulkan::layout::{
-    Brick, BrickBlock, BrickPart, Camera, Chunk, Cone, CutPlane, EmissiveInstance, EmissiveTriangle, Emitter,
-    Emitters, Environment, Filter, HitRecord, Instance, InstanceTree, LOD_BY_DISTANCE, LOD_CATCHER,
-    LOD_TRIANGLES, Lamp, Launch, LightNode, LightTree, Lights, Material, NONE, Question, RayRecord,
-    SCRATCH_BYTES, SceneHeader, Settings, Sun, SurfaceAovsRecord, SurfaceRecord,
+    Brick, BrickBlock, BrickPart, Camera, Chunk, Cone, CutPlane, Denoise, DenoiseStep, EmissiveInstance,
+    EmissiveTriangle, Emitter, Emitters, Environment, Filter, Guide, HitRecord, Instance, InstanceTree,
+    LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES, Lamp, Launch, LightNode, LightTree, Lights, Material, NONE,
+    PixelLight, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, Sun, SurfaceAovsRecord,
+    SurfaceRecord,
 };
 use pumice_vulkan::pack::ShaderNeeds;
 use reflection::{Field, Layout, constants_read, layouts};
@@ -333,7 +334,28 @@ fn twins() -> Vec<Layout> {
             RayRecord { origin, direction, t_max, from, question, only, only_instance, reserved }
         ),
         twin!("HitRecord", HitRecord { t, normal, surface, from_inside, reserved }),
-        twin!("FirstRecord", SurfaceAovsRecord { depth, label, albedo, normal, position }),
+        twin!("FirstRecord", SurfaceAovsRecord { depth, label, instance, albedo, normal, position }),
+        twin!(
+            "Denoise",
+            Denoise {
+                surfaces,
+                guides,
+                sums,
+                resting,
+                image,
+                light,
+                variance,
+                pooled_variance,
+                width,
+                height,
+                samples,
+                is_variance_known,
+                t_squared,
+                reserved,
+            }
+        ),
+        twin!("Guide", Guide { normal, albedo, label, instance, is_surface }),
+        twin!("PixelLight", PixelLight { mean, takes_part }),
         twin!("BvhNode", BvhNode { origin, exponents_and_inner, first_child, first_item, meta, lo, hi }),
     ]
 }
@@ -437,6 +459,10 @@ fn constants_are_the_shaders() {
         ("QUESTION_FIRST_HIT", Question::FirstHit as u64),
         ("QUESTION_OCCLUDED", Question::Occluded as u64),
         ("QUESTION_NEXT_BOUNDARY", Question::NextBoundary as u64),
+        ("DENOISE_GUIDES", DenoiseStep::Guides as u64),
+        ("DENOISE_LIGHT", DenoiseStep::Light as u64),
+        ("DENOISE_POOLED", DenoiseStep::Pooled as u64),
+        ("DENOISE_WINDOW", DenoiseStep::Window as u64),
     ];
     assert_eq!(declared, expected.map(|(name, value)| (name.to_owned(), value)));
 }

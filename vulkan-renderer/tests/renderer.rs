@@ -16,6 +16,8 @@ use pumice_vulkan::device::Backend;
 mod carried;
 #[path = "../../cpu-renderer/tests/renderer/cases.rs"]
 mod cases;
+#[path = "renderer/denoise.rs"]
+mod denoise;
 #[path = "renderer/edits.rs"]
 mod edits;
 #[path = "renderer/failures.rs"]

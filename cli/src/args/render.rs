@@ -96,7 +96,7 @@ pub(crate) struct Render {
     ///
     /// Averages pixels of one label that a statistical test cannot tell apart. An EXR keeps the picture before as the pass Noisy Image,
     /// unless --passes none; a PNG has the denoised picture alone. Pictures and report say that they are denoised. It runs on the
-    /// processor, whatever backend renders
+    /// device of the backend that renders
     #[arg(long)]
     pub(crate) denoise: bool,
     /// Write colours in an EXR as half floats (16 bits): half the size, 3 significant digits, values up to 65504

@@ -18,8 +18,8 @@
 //! the same, so this changes nothing on pure pixels, and carries over light between pixels that an edge mixes differently.
 //!
 //! What shows no surface stays as it is, and so does what is not finite. The window is read from the noisy picture in the same order for
-//! every pixel, so the result is the same for any number of threads. It runs on the processor, whatever drew the picture: the film is
-//! there.
+//! every pixel, so the result is the same for any number of threads. This is its form for the processor; a Vulkan renderer has a twin, which
+//! computes the same on its device (`vulkan-renderer/shaders/denoise.glsl`).
 //!
 //! The filter asks of the film a mean and its variance for each pixel, with the variance's degrees of freedom, and nothing else: see
 //! [`Variance`].
@@ -27,8 +27,6 @@
 mod guides;
 mod light;
 mod planes;
-#[cfg(test)]
-mod tests;
 mod welch;
 
 use pumice_core::NoMemory;
@@ -42,7 +40,7 @@ pub use guides::Guides;
 use guides::likeness;
 use light::Light;
 use planes::{LANES, Lanes, lanes, three_lanes};
-use welch::WelchTest;
+pub use welch::WelchTest;
 
 /// Pixels from the middle of the window to its edge: 5 × 5 pixels, which take 0.5 CPU seconds at 1920 × 1080 on a busy machine. On figures in
 /// real light 7 × 7 pixels, twice as many, have a tenth less error at 4 samples, the same at 16 and more at 64.
@@ -73,9 +71,9 @@ pub fn denoised(image: &Image, variance: Option<Variance<'_>>, guides: &Guides) 
     let mut pixels = reserved(image.pixels.len(), "denoiser: its picture")?;
     pixels.extend_from_slice(&image.pixels);
     if guides.fit(image) && !unfit {
-        let degrees = variance.as_ref().map_or(1.0, |v| v.degrees_of_freedom);
+        let test = WelchTest::of(variance.as_ref().map(|v| v.degrees_of_freedom));
         let light = Light::of(image, variance.map(|v| v.of_mean), guides)?;
-        let filter = Filter { guides, light, test: WelchTest::new(LEVEL, degrees) };
+        let filter = Filter { guides, light, test };
         filter.fill(&mut pixels);
     }
     Ok(Image::new(image.width, image.height, pixels))
@@ -197,3 +195,6 @@ impl Filter<'_> {
         }
     }
 }
+
+#[cfg(test)]
+mod tests;

@@ -6,6 +6,7 @@
 //! t² is a smooth function of r, and the parabola through its values at ½, ¾ and 1 stands for it: a look at three planes of floats, which
 //! compilers turn into vector instructions, where a table would be a look at memory for each lane.
 
+use super::LEVEL;
 use crate::metrics::student_t::two_sided_quantile;
 
 /// Added to the sum of two variances, so that there is something to divide by.
@@ -13,14 +14,24 @@ const LEAST: f32 = 1e-30;
 
 /// The test at one level.
 #[derive(Clone, Copy, Debug)]
-pub(super) struct WelchTest {
+pub struct WelchTest {
     /// Coefficients of t² in r: constant, linear, quadratic.
     t_squared: [f32; 3],
 }
 
 impl WelchTest {
+    /// The denoiser's test, where each variance has these degrees of freedom; `None` where no variance is known.
+    pub fn of(degrees: Option<f64>) -> Self {
+        Self::new(LEVEL, degrees.unwrap_or(1.0))
+    }
+
+    /// Coefficients of t² in r (the module says what that is): constant, linear, quadratic.
+    pub fn t_squared(&self) -> [f32; 3] {
+        self.t_squared
+    }
+
     /// The test that rejects equal means with the probability `level`, where each variance has `degrees` of freedom.
-    pub(super) fn new(level: f64, degrees: f64) -> Self {
+    pub fn new(level: f64, degrees: f64) -> Self {
         let at = |r: f64| two_sided_quantile(level, degrees / r).powi(2);
         let (low, middle, high) = (at(0.5), at(0.75), at(1.0));
         // Newton's form through three points that are a quarter apart.

@@ -210,6 +210,10 @@ impl Renderer for FallbackRenderer {
         self.ask(|renderer| renderer.variance())
     }
 
+    fn denoised(&mut self) -> Result<Option<Image>, RenderError> {
+        self.ask(|renderer| renderer.denoised())
+    }
+
     fn picture(&mut self) -> Result<Picture, RenderError> {
         self.ask(|renderer| renderer.picture())
     }

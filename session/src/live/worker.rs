@@ -32,8 +32,10 @@ pub(super) struct Worker {
     renderer: FallbackRenderer,
     stop: Stop,
     denoise: bool,
-    /// Guides of the denoiser, for this revision and the current frame size.
+    /// Guides of the denoiser on the processor, for this revision and the current frame size.
     guides: Option<Guides>,
+    /// The renderer's device has denoised a frame of this revision and the current frame size.
+    denoised_on_device: bool,
     /// How long the last frame took to be denoised.
     denoising: Duration,
     /// The revision that the renderer shows on its whole film.
@@ -50,7 +52,8 @@ enum Turn {
 
 impl Worker {
     pub(super) fn new(shared: Arc<Shared>, renderer: FallbackRenderer, stop: Stop, denoise: bool) -> Self {
-        Self { shared, renderer, stop, denoise, guides: None, denoising: Duration::ZERO, whole: None }
+        let (guides, denoised_on_device, denoising, whole) = (None, false, Duration::ZERO, None);
+        Self { shared, renderer, stop, denoise, guides, denoised_on_device, denoising, whole }
     }
 
     /// Draws until it is stopped. A panic ends the worker and is reported in the status.
@@ -174,10 +177,32 @@ impl Worker {
 
     fn show(&mut self, scene: &LoadedScene) -> std::result::Result<(), RenderError> {
         self.guides = None;
+        self.denoised_on_device = false;
         self.renderer.set_scene(scene)
     }
 
-    /// The denoised picture and `true`; the picture as it is and `false` if a device failure restarted the film meanwhile.
+    /// The picture to show, and whether it is denoised, on the renderer's device if that can.
+    ///
+    /// # Errors
+    /// [`RenderError::Restarted`] if a device failure restarted the film.
+    fn image(&mut self, denoise: bool) -> std::result::Result<(Image, bool), RenderError> {
+        if !denoise {
+            return Ok((self.renderer.color()?, false));
+        }
+        let start = Instant::now();
+        if let Some(smooth) = self.renderer.denoised()? {
+            // The first one also finds the first surfaces, and may compile.
+            if self.denoised_on_device {
+                self.denoising = start.elapsed();
+            }
+            self.denoised_on_device = true;
+            return Ok((smooth, true));
+        }
+        let image = self.renderer.color()?;
+        self.filtered(image)
+    }
+
+    /// The picture that the processor denoised and `true`; the picture as it is and `false` if a device failure restarted the film meanwhile.
     fn filtered(&mut self, image: Image) -> std::result::Result<(Image, bool), RenderError> {
         if self.guides.is_none() {
             self.guides = match self.renderer.picture() {
@@ -274,17 +299,13 @@ impl Worker {
         coarse: bool,
         converged: bool,
     ) -> std::result::Result<bool, RenderError> {
-        let image = match self.renderer.color() {
+        let (image, filtered) = match self.image(self.denoise && !converged) {
             Err(RenderError::Restarted) => return Ok(false),
-            image => image?,
+            made => made?,
         };
         let alpha = match self.renderer.alpha() {
             Err(RenderError::Restarted) => return Ok(false),
             alpha => alpha?,
-        };
-        let (image, filtered) = match self.denoise && !converged {
-            true => self.filtered(image)?,
-            false => (image, false),
         };
         let rgba = rows_from_bottom(&image, alpha.as_deref())?;
         let mut board = self.shared.board();

@@ -178,6 +178,21 @@ pub fn render_scene(
     job: &Job,
     watch: &mut dyn FnMut(&CurvePoint),
 ) -> Result<Rendered> {
+    render_and_denoise(loaded, backend, stop, false, job, watch)
+}
+
+/// As [`render_scene`]; then denoises the picture where `denoise` says so, on the device that drew it if that can.
+///
+/// # Errors
+/// Any error of the renderer, and those of [`Rendered::denoise`].
+pub fn render_and_denoise(
+    loaded: &LoadedScene,
+    backend: &str,
+    stop: &Stop,
+    denoise: bool,
+    job: &Job,
+    watch: &mut dyn FnMut(&CurvePoint),
+) -> Result<Rendered> {
     let clock = Stopwatch::start();
     let mut renderer = make_renderer(backend_for(loaded, backend)?)?;
     check_memory(&renderer, loaded)?;
@@ -188,7 +203,11 @@ pub fn render_scene(
         watch(point);
         Ok(())
     })?;
-    Ok(report(&mut renderer, loaded, prepare_seconds, curve, picture, sky_hash))
+    let mut rendered = report(&mut renderer, loaded, prepare_seconds, curve, picture, sky_hash);
+    if denoise {
+        rendered.denoise_with(&mut renderer)?;
+    }
+    Ok(rendered)
 }
 
 /// Checks that there is memory for a scene's film and picture, before anything is built for them. A film that the renderer has already may

@@ -41,6 +41,7 @@ pub fn render_time_steps(
         Ready::new(&first, &files, job)?;
     in_pool(request.threads, || {
         let renderer = PersistentRenderer::new(&backend)?;
+        let watching = Watching { denoise, ..Watching::default() };
         let mut pictures = Vec::new();
         let mut shown = first;
         for ((number, step), picture) in (0..).zip(steps.clone()).zip(files) {
@@ -48,14 +49,11 @@ pub fn render_time_steps(
                 shown = at_step(&shown, step, &request.reading, job)?;
             }
             let laid_out = lay_out(&shown, &annotations)?;
-            let mut rendered = renderer.render(&shown, &stop, job, Watching::default(), &mut |point| {
+            let mut rendered = renderer.render(&shown, &stop, job, watching, &mut |point| {
                 watch(number, &stop, point);
             })?;
             if number == 0 {
                 rendered.figures.opening_seconds = Some(opening_seconds);
-            }
-            if denoise {
-                rendered.denoise()?;
             }
             laid_out.apply(&mut rendered);
             format.write(&picture, &rendered.picture, &passes, request.paths)?;

@@ -46,6 +46,7 @@ pub fn render_turntable(
         Ready::new(request, &files, job)?;
     in_pool(request.threads, || {
         let renderer = PersistentRenderer::new(&backend)?;
+        let watching = Watching { denoise, ..Watching::default() };
         let mut pictures = Vec::new();
         for (number, picture) in (0..count).zip(files) {
             let angle_rad = TAU * f64::from(number) / f64::from(count);
@@ -55,14 +56,11 @@ pub fn render_turntable(
                 first.meshes().to_vec(),
             )?;
             let laid_out = lay_out(&scene, &annotations)?;
-            let mut rendered = renderer.render(&scene, &stop, job, Watching::default(), &mut |point| {
+            let mut rendered = renderer.render(&scene, &stop, job, watching, &mut |point| {
                 watch(number, &stop, point);
             })?;
             if number == 0 {
                 rendered.figures.opening_seconds = Some(opening_seconds);
-            }
-            if denoise {
-                rendered.denoise()?;
             }
             laid_out.apply(&mut rendered);
             format.write(&picture, &rendered.picture, &passes, request.paths)?;

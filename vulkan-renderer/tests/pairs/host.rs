@@ -4,12 +4,13 @@
 pub(crate) type Listed = (&'static str, &'static [(&'static str, &'static str)]);
 
 /// Folders of which every Rust file is checked.
-pub(crate) const FOLDERS: [&str; 12] = [
+pub(crate) const FOLDERS: [&str; 13] = [
     "cpu-renderer/src",
     "cpu-renderer/src/traverse",
     "cpu-renderer/src/traverse/ray_box_mask",
     "cpu-renderer/src/traverse/volume_tracer",
     "picture/src",
+    "picture/src/denoise",
     "transport/src",
     "transport/src/bsdf",
     "transport/src/emitters",
@@ -50,6 +51,7 @@ pub(crate) const SHADERS_ALONE: &[(&str, &str)] = &[
     ("path.rgen", ENTRY),
     ("path_bvh.comp", ENTRY),
     ("path_query.comp", ENTRY),
+    ("denoise.comp", ENTRY),
 ];
 
 const FILE_FORMAT: &str = "reads or writes files";
@@ -107,6 +109,8 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("transport/src/loaded_scene.rs", "a scene with its data, before a renderer has it"),
     ("transport/src/scene_plan.rs", "which parts an edit rebuilds, decided before anything is built"),
     ("picture/src/view_transform.rs", "display colours of a finished picture"),
+    ("picture/src/denoise/planes.rs", "several pixels side by side for SIMD; a shader has one"),
+    ("picture/src/denoise/tests.rs", "tests of the filter"),
 ];
 
 const WIDE: &str = "the same operations with the SIMD instructions of a kind of CPU";
@@ -497,6 +501,22 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
+        "picture/src/denoise/mod.rs",
+        &[("denoised", "launches the steps; vulkan-renderer/src/denoise.rs on a device")],
+    ),
+    (
+        "picture/src/denoise/guides.rs",
+        &[("Guides::fit", "which picture the guides are of: checked by the host")],
+    ),
+    (
+        "picture/src/denoise/welch.rs",
+        &[
+            ("WelchTest::of", "coefficients of t²: prepared before a picture is denoised"),
+            ("WelchTest::new", "coefficients of t²: prepared before a picture is denoised"),
+            ("WelchTest::t_squared", READ),
+        ],
+    ),
+    (
         "picture/src/film.rs",
         &[
             ("variance_known", SHOWN),
@@ -505,7 +525,6 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("FilmBuffer::kept", READ),
             ("FilmBuffer::pass_sums", READ),
             ("FilmBuffer::pass_sums_mut", READ),
-            ("FilmBuffer::samples_of", COUNTED),
             ("FilmBuffer::sums", READ),
             ("FilmBuffer::sums_mut", READ),
             ("FilmBuffer::size", READ),
@@ -517,7 +536,6 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ),
             ("FilmBuffer::spp", COUNTED),
             ("FilmBuffer::mean_spp", COUNTED),
-            ("FilmBuffer::moments", SHOWN),
             ("FilmBuffer::mean", SHOWN),
             ("FilmBuffer::variance", SHOWN),
             ("FilmBuffer::picture_of", SHOWN),

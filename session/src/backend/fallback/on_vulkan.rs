@@ -7,6 +7,8 @@ use pumice_vulkan::device::{Backend, InjectedFault, Instance, InstanceOptions, s
 use super::tests::scene;
 use super::*;
 use crate::backend::read_environment;
+use crate::progressive::Stop;
+use crate::render_file::{render_and_denoise, render_scene};
 
 /// The compute backend with every allocation from the `nth` on failing.
 fn full_from(nth: u32) -> Way {
@@ -60,6 +62,32 @@ fn a_full_device_leaves_the_picture_to_the_cpu() {
         assert!(notices.iter().any(|n| n.contains("trying again")), "{notices:?}");
     }
     assert!((3..7).contains(&fell), "{fell}");
+}
+
+/// The picture, its passes and what they tell of it are those that the processor makes of the same samples: bit for bit on Mesa's software
+/// Vulkan, which rounds quotients correctly (`vulkan-renderer/tests/denoise.rs` has the tolerance for others).
+#[test]
+fn a_picture_denoised_on_the_device_is_the_processors() {
+    let (loaded, stop, job) = (scene([64, 48]), Stop { spp: Some(5), ..Stop::default() }, Job::new());
+    let mut expected = render_scene(&loaded, "vulkan-compute", &stop, &job, &mut |_| ()).unwrap();
+    expected.denoise().unwrap();
+    let made = render_and_denoise(&loaded, "vulkan-compute", &stop, true, &job, &mut |_| ()).unwrap();
+    let far = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-5 * a[c].abs());
+    let (a, b) = (&expected.picture.color, &made.picture.color);
+    assert!(a.pixels.iter().zip(&b.pixels).filter(|&p| far(p)).count() <= a.pixels.len() / 500);
+    assert!(!made.figures.device.contains("llvmpipe") || a == b, "other bits");
+    assert!(made.picture.noisy.as_ref().is_some_and(|noisy| noisy != b), "the filter does something");
+    assert_eq!(
+        (made.picture.noisy, made.picture.variance),
+        (expected.picture.noisy, expected.picture.variance)
+    );
+    assert_eq!((made.figures.denoised, made.figures.notices), (expected.figures.denoised, vec![]));
+    assert!(
+        made.picture
+            .provenance
+            .is_some_and(|p| p.denoised.is_some() && p.denoised == expected.figures.denoised)
+    );
+    assert!(made.figures.denoise_seconds.is_some());
 }
 
 /// A launch that does not end is not tried again, here and at the next start.

@@ -16,6 +16,7 @@ pub(crate) enum At {
     Advance,
     Color,
     Picture,
+    Denoised,
     Pick,
     Never,
 }
@@ -91,6 +92,12 @@ impl Renderer for Fake {
 
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
         Ok(None)
+    }
+
+    fn denoised(&mut self) -> Result<Option<Image>, RenderError> {
+        self.call(At::Denoised)?;
+        let smooth = self.image().map(|pixel| pixel.map(|v| v + 0.5));
+        Ok(self.name.starts_with("vulkan").then_some(smooth))
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {

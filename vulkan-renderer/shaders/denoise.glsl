@@ -1,0 +1,270 @@
+// Denoises a picture by averaging pixels that a statistical test cannot tell apart: twin of picture/src/denoise/mod.rs, guides.rs, light.rs
+// and welch.rs. An invocation does for one pixel what the host does for several side by side, in the same order, so that the bits are the
+// same where quotients are rounded correctly.
+//
+// Whether a float is a number is told by its bits, because a device may take it for granted.
+#ifndef DENOISE_GLSL
+#define DENOISE_GLSL
+
+#include "layout.glsl"
+#include "launch.glsl"
+#include "moments.glsl"
+
+const int RADIUS = 2;
+const float ALBEDO_FLOOR = 0.01;
+const float NORMAL = 4.0;
+const float ALBEDO = 0.01;
+const float MOST_LIGHT = 1e18;
+const float UNKNOWN = 1e18;
+const float LEAST = 1e-30;
+
+// The largest finite float.
+const uint MOST_FINITE_BITS = 0x7F7FFFFFu;
+
+// What is compared of pixels beside each other.
+struct Compared {
+    vec3 mean;
+    vec3 variance;
+    vec3 normal;
+    vec3 albedo;
+    uint label;
+    uint instance;
+};
+
+// Sums over a window: of the weighted differences of light, and of the weights.
+struct Window {
+    vec3 light;
+    float weight;
+};
+
+// Whether the absolute value of a float is at most that of these bits; false for what is no number.
+bool is_at_most(float value, uint bits) {
+    return (floatBitsToUint(value) & 0x7FFFFFFFu) <= bits;
+}
+
+vec3 vec3_of(float v[3]) {
+    return vec3(v[0], v[1], v[2]);
+}
+
+uint64_t pixel_number(uint width, uvec2 pixel) {
+    return uint64_t(pixel.y) * uint64_t(width) + uint64_t(pixel.x);
+}
+
+Floats channels_of(Address image, uint64_t pixel) {
+    return Floats(image + pixel * 12UL);
+}
+
+Guide guide_at(Denoise picture, uint64_t pixel) {
+    return Guides(picture.guides + pixel * 36UL).at[0];
+}
+
+PixelLight light_at(Denoise picture, uint64_t pixel) {
+    return PixelLights(picture.light + pixel * 16UL).at[0];
+}
+
+// What light is divided by.
+float divisor(float albedo) {
+    precise float d = albedo + ALBEDO_FLOOR;
+    return d;
+}
+
+// The guide that a first surface is.
+Guide guides_of(FirstRecord first) {
+    bool is_surface = is_at_most(first.depth, MOST_FINITE_BITS);
+    for (uint c = 0u; c < 3u; c++) {
+        is_surface = is_surface && is_at_most(first.normal[c], MOST_FINITE_BITS);
+        is_surface = is_surface && is_at_most(first.albedo[c], MOST_FINITE_BITS) && first.albedo[c] >= 0.0;
+    }
+    Guide guide = Guide(float[3](0.0, 0.0, 0.0), float[3](0.0, 0.0, 0.0), first.label, first.instance, is_surface ? 1u : 0u);
+    if (is_surface) {
+        guide.normal = first.normal;
+        guide.albedo = first.albedo;
+    }
+    return guide;
+}
+
+// Puts mean and variance of the film's sums in place of the picture and its variance.
+void take_film(Denoise picture, uint64_t pixel) {
+    Floats mean = channels_of(picture.image, pixel);
+    Floats variance = channels_of(picture.variance, pixel);
+    uint n = film_samples_of(picture.resting, pixel, picture.samples);
+    for (uint c = 0u; c < 3u; c++) {
+        mean.at[c] = 0.0;
+        variance.at[c] = 0.0;
+        if (n > 0u) {
+            Moments moments = film_moments(picture.sums, pixel, c, n);
+            mean.at[c] = f64_to_f32(moments.mean);
+            variance.at[c] = f64_to_f32(moments.variance);
+        }
+    }
+}
+
+// The light of a pixel and its own variance.
+void light_of(Denoise picture, uint64_t pixel) {
+    Guide guide = guide_at(picture, pixel);
+    Floats image = channels_of(picture.image, pixel);
+    Floats variance = channels_of(picture.variance, pixel);
+    bool takes_part = guide.is_surface != 0u;
+    for (uint c = 0u; c < 3u; c++) {
+        takes_part = takes_part && is_at_most(image.at[c], floatBitsToUint(MOST_LIGHT));
+    }
+    PixelLight light = PixelLight(float[3](0.0, 0.0, 0.0), takes_part ? 1u : 0u);
+    for (uint c = 0u; c < 3u; c++) {
+        precise float own = UNKNOWN;
+        if (takes_part) {
+            precise float d = divisor(guide.albedo[c]);
+            precise float mean = image.at[c] / d;
+            light.mean[c] = mean;
+            if (picture.is_variance_known != 0u) {
+                precise float of = variance.at[c] / (d * d);
+                bool is_known = is_at_most(of, floatBitsToUint(UNKNOWN)) && of >= 0.0 && of < UNKNOWN;
+                // Negative, infinite or no number: as if it were not known.
+                own = is_known ? of : UNKNOWN;
+            }
+        }
+        variance.at[c] = own;
+    }
+    PixelLights(picture.light + pixel * 16UL).at[0] = light;
+}
+
+// The greater of a pixel's own variance and the mean of those that are known of its label among the 3 × 3 pixels around it.
+void pooled(Denoise picture, uvec2 at) {
+    uint64_t pixel = pixel_number(picture.width, at);
+    if (light_at(picture, pixel).takes_part == 0u) {
+        return;
+    }
+    Guide guide = guide_at(picture, pixel);
+    precise vec3 sum = vec3(0.0);
+    precise vec3 count = vec3(0.0);
+    for (uint y = at.y == 0u ? 0u : at.y - 1u; y < min(at.y + 2u, picture.height); y++) {
+        for (uint x = at.x == 0u ? 0u : at.x - 1u; x < min(at.x + 2u, picture.width); x++) {
+            uint64_t other = pixel_number(picture.width, uvec2(x, y));
+            Guide of = guide_at(picture, other);
+            bool is_of_label = of.label == guide.label && of.instance == guide.instance;
+            if (!is_of_label || light_at(picture, other).takes_part == 0u) {
+                continue;
+            }
+            Floats variance = channels_of(picture.variance, other);
+            for (uint c = 0u; c < 3u; c++) {
+                if (variance.at[c] < UNKNOWN) {
+                    sum[c] += variance.at[c];
+                    count[c] += 1.0;
+                }
+            }
+        }
+    }
+    Floats alone = channels_of(picture.variance, pixel);
+    Floats result = channels_of(picture.pooled_variance, pixel);
+    for (uint c = 0u; c < 3u; c++) {
+        precise float mean = sum[c] / max(count[c], 1.0);
+        result.at[c] = max(alone.at[c], mean);
+    }
+}
+
+// The weight of a pixel whose mean differs by `d`. `own` and `other` are their variances, finite and not negative.
+float welch_test_weight(float t_squared[3], float d, float own, float other) {
+    precise float sum = own + other;
+    precise float inverse = 1.0 / (sum + LEAST);
+    precise float r = (own * own + other * other) * inverse * inverse;
+    precise float share = min((2.0 * own + LEAST) * inverse, 1.0);
+    precise float bar = (t_squared[0] + r * (t_squared[1] + r * t_squared[2])) * sum;
+    precise float squared = d * d;
+    return squared <= bar ? share : 0.0;
+}
+
+// How alike two surfaces are, from the squared differences of their normals and base colours.
+float likeness(float normal, float albedo) {
+    precise float y = max(1.0 - (normal * (1.0 / NORMAL) + albedo * (1.0 / ALBEDO)), 0.0);
+    precise float result = (y * y) * (y * y);
+    return result;
+}
+
+Compared filter_compared(Denoise picture, uint64_t pixel) {
+    Guide guide = guide_at(picture, pixel);
+    Floats variance = channels_of(picture.pooled_variance, pixel);
+    return Compared(vec3_of(light_at(picture, pixel).mean), vec3(variance.at[0], variance.at[1], variance.at[2]),
+        vec3_of(guide.normal), vec3_of(guide.albedo), guide.label, guide.instance);
+}
+
+// The weight of a pixel that takes part for another.
+float filter_weights(float t_squared[3], Compared p, Compared q) {
+    if (p.label != q.label || p.instance != q.instance) {
+        return 0.0;
+    }
+    precise float normal = 0.0;
+    precise float albedo = 0.0;
+    float weight = 1.0;
+    for (uint c = 0u; c < 3u; c++) {
+        precise float of_normal = q.normal[c] - p.normal[c];
+        normal += of_normal * of_normal;
+        precise float of_albedo = q.albedo[c] - p.albedo[c];
+        albedo += of_albedo * of_albedo;
+        precise float d = q.mean[c] - p.mean[c];
+        weight = min(weight, welch_test_weight(t_squared, d, p.variance[c], q.variance[c]));
+    }
+    precise float weighted = weight * likeness(normal, albedo);
+    return weighted;
+}
+
+Window filter_window(Denoise picture, uvec2 at) {
+    Compared own = filter_compared(picture, pixel_number(picture.width, at));
+    precise vec3 light = vec3(0.0);
+    precise float weight = 0.0;
+    ivec2 size = ivec2(picture.width, picture.height);
+    ivec2 lowest = max(ivec2(at) - RADIUS, ivec2(0));
+    ivec2 end = min(ivec2(at) + RADIUS + 1, size);
+    for (int y = lowest.y; y < end.y; y++) {
+        for (int x = lowest.x; x < end.x; x++) {
+            uint64_t other = pixel_number(picture.width, uvec2(x, y));
+            if (light_at(picture, other).takes_part == 0u) {
+                continue;
+            }
+            Compared of = filter_compared(picture, other);
+            precise float of_weight = filter_weights(picture.t_squared, own, of);
+            weight += of_weight;
+            light += of_weight * (of.mean - own.mean);
+        }
+    }
+    return Window(light, weight);
+}
+
+// Replaces the colour of a pixel that takes part.
+void filter_fill(Denoise picture, uvec2 at) {
+    uint64_t pixel = pixel_number(picture.width, at);
+    if (light_at(picture, pixel).takes_part == 0u) {
+        return;
+    }
+    Window window = filter_window(picture, at);
+    Guide guide = guide_at(picture, pixel);
+    Floats image = channels_of(picture.image, pixel);
+    for (uint c = 0u; c < 3u; c++) {
+        precise float filtered = image.at[c] + divisor(guide.albedo[c]) * (window.light[c] / window.weight);
+        image.at[c] = filtered;
+    }
+}
+
+// One step for a pixel of the launch's tile.
+void denoise_pixel(uvec2 in_tile) {
+    if (in_tile.x >= launch.tile_width || in_tile.y >= launch.tile_height) {
+        return;
+    }
+    Denoise picture = DenoiseRef(launch.source).it;
+    uvec2 at = uvec2(launch.tile_x, launch.tile_y) + in_tile;
+    uint64_t pixel = pixel_number(picture.width, at);
+    if (launch.wanted == DENOISE_GUIDES) {
+        uint64_t row = pixel_number(launch.tile_width, in_tile);
+        FirstRecord first = FirstRecords(picture.surfaces + row * 48UL).at[0];
+        Guides(picture.guides + pixel * 36UL).at[0] = guides_of(first);
+    } else if (launch.wanted == DENOISE_LIGHT) {
+        if (picture.sums != 0UL) {
+            take_film(picture, pixel);
+        }
+        light_of(picture, pixel);
+    } else if (launch.wanted == DENOISE_POOLED) {
+        pooled(picture, at);
+    } else if (launch.wanted == DENOISE_WINDOW) {
+        filter_fill(picture, at);
+    }
+}
+
+#endif

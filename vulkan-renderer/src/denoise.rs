@@ -1,0 +1,217 @@
+//! The [denoiser](pumice_picture::denoise) on the device: one compute shader on every backend, whose twin is the host's filter.
+//!
+//! ```text
+//! first surfaces of a tile ──► Guides ──► guides ─────────────┐   once for a scene
+//! film's sums, or mean and variance ──► Light ──► light, variance ──► Pooled ──► Window ──► picture, 12 bytes a pixel, to the host
+//! ```
+//! Each arrow is a step ([`DenoiseStep`]) over the whole picture, in launches that are kept as short as those of samples. Mean and variance
+//! come from the sums on the device; the host sends them where it alone computes them: with shadow catchers, and during a pass that was
+//! cancelled, when pixels differ in their number of samples.
+//!
+//! The result has the bits of the host's filter on a device whose single-precision quotients are rounded correctly. Vulkan lets their last
+//! bits be wrong.
+
+use std::time::Duration;
+
+use bytemuck::Zeroable as _;
+use pumice_picture::Image;
+use pumice_picture::denoise::WelchTest;
+use pumice_picture::film::CLASSES;
+use pumice_picture::metrics::Variance;
+
+use crate::device::{Buffer, ComputePipeline, DeviceError, Gpu};
+use crate::layout::{Denoise, DenoiseStep, Guide, Launch, PixelLight, SurfaceAovsRecord};
+use crate::shaders::denoise_words;
+use crate::slices::{Cursor, Slices, Tile};
+
+/// Workgroup size of the shader, across and down.
+const GROUP: u32 = 8;
+
+/// The compiled shader, and launch sizes of its steps, which differ in cost.
+#[derive(Debug)]
+pub struct DenoiseProgram {
+    gpu: Gpu,
+    pipeline: ComputePipeline,
+    slices: [Slices; 4],
+}
+
+impl DenoiseProgram {
+    /// Compiles the shader.
+    ///
+    /// # Errors
+    /// When the driver refuses it.
+    pub fn new(gpu: &Gpu) -> Result<Self, DeviceError> {
+        let pipeline = gpu.compute_pipeline(&denoise_words(gpu), &[])?;
+        Ok(Self { gpu: gpu.clone(), pipeline, slices: [Slices::default(); 4] })
+    }
+
+    /// Makes launches smaller, after memory was short or the device was lost.
+    pub(crate) fn shrink(&mut self) {
+        self.slices.iter_mut().for_each(|slices| {
+            slices.shrink();
+        });
+    }
+
+    fn launch(&self, header: &Buffer, step: DenoiseStep, tile: &Tile) -> Result<Duration, DeviceError> {
+        let launch = Launch { input: header.address(), wanted: step as u32, ..tile.launch() };
+        let groups = [tile.width, tile.height].map(|n| n.div_ceil(GROUP));
+        self.gpu.dispatch("a launch of the denoiser", &self.pipeline, &launch, groups)
+    }
+
+    /// Does a step for all pixels of a picture.
+    fn run(&mut self, header: &Buffer, step: DenoiseStep, size: [u32; 2]) -> Result<(), DeviceError> {
+        let mut at = Cursor::default();
+        while let Some((tile, after)) = self.slices[step as usize].next(size, at, 1) {
+            let taken = self.launch(header, step, &tile)?;
+            self.slices[step as usize].learn(tile.pixels(), 1, taken.as_secs_f64());
+            at = after;
+        }
+        Ok(())
+    }
+}
+
+/// The noisy picture that is denoised.
+#[derive(Clone, Copy, Debug)]
+pub enum Noisy<'a> {
+    /// Sums on the device, of so many samples in each pixel that does not rest.
+    Film {
+        /// `STRIDE` floats a pixel.
+        sums: &'a Buffer,
+        /// Which pixels rest, as in [`Launch::resting`].
+        resting: Option<&'a Buffer>,
+        /// Samples of each pixel that does not rest.
+        samples: u32,
+    },
+    /// Mean and, where it is known, variance on the host.
+    Host {
+        /// The mean of the samples.
+        mean: &'a Image,
+        /// Its variance.
+        variance: Option<Variance<'a>>,
+    },
+}
+
+/// Memory for denoising pictures of one size, with the guides of a scene: 88 bytes a pixel.
+#[derive(Debug)]
+pub struct PictureDenoiser {
+    size: [u32; 2],
+    header: Buffer,
+    guides: Buffer,
+    image: Buffer,
+    light: Buffer,
+    variance: Buffer,
+    pooled_variance: Buffer,
+}
+
+impl PictureDenoiser {
+    /// Allocates it; no guide is known yet.
+    ///
+    /// # Errors
+    /// When the device has too little memory.
+    pub fn new(gpu: &Gpu, size: [u32; 2]) -> Result<Self, DeviceError> {
+        let pixels = u64::from(size[0]) * u64::from(size[1]);
+        let channels = 3 * size_of::<f32>() as u64;
+        let buffer = |what, bytes_a_pixel: u64| gpu.buffer(what, pixels * bytes_a_pixel);
+        Ok(Self {
+            size,
+            header: gpu.buffer("the denoiser's header", size_of::<Denoise>() as u64)?,
+            guides: buffer("the denoiser's guides", size_of::<Guide>() as u64)?,
+            image: buffer("the denoiser's picture", channels)?,
+            light: buffer("the denoiser's light", size_of::<PixelLight>() as u64)?,
+            variance: buffer("the denoiser's variance", channels)?,
+            pooled_variance: buffer("the denoiser's pooled variance", channels)?,
+        })
+    }
+
+    /// What every step reads.
+    fn described(&self) -> Denoise {
+        Denoise {
+            guides: self.guides.address(),
+            image: self.image.address(),
+            light: self.light.address(),
+            variance: self.variance.address(),
+            pooled_variance: self.pooled_variance.address(),
+            width: self.size[0],
+            height: self.size[1],
+            ..Denoise::zeroed()
+        }
+    }
+
+    /// Makes the guides of a tile from its first surfaces on the device, [`SurfaceAovsRecord`]s in the order of its pixels.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub(crate) fn guide(
+        &self,
+        program: &DenoiseProgram,
+        surfaces: &Buffer,
+        tile: &Tile,
+    ) -> Result<Duration, DeviceError> {
+        let header = Denoise { surfaces: surfaces.address(), ..self.described() };
+        program.gpu.upload(&self.header, 0, bytemuck::bytes_of(&header))?;
+        program.launch(&self.header, DenoiseStep::Guides, tile)
+    }
+
+    /// Makes the guides of the whole picture from first surfaces on the host, rows from the top.
+    ///
+    /// # Errors
+    /// Those of the device.
+    pub fn guide_all(
+        &self,
+        program: &DenoiseProgram,
+        surfaces: &[SurfaceAovsRecord],
+    ) -> Result<(), DeviceError> {
+        let surfaces = program.gpu.buffer_of("first surfaces", bytemuck::cast_slice(surfaces))?;
+        let [width, height] = self.size;
+        self.guide(program, &surfaces, &Tile { x: 0, y: 0, width, height })?;
+        Ok(())
+    }
+
+    /// Denoises a picture into `pixels`, rows from the top. `test` is the one for the variance's degrees of freedom.
+    ///
+    /// # Errors
+    /// Those of the device; [`DeviceError::Limit`] where `pixels` are more than the picture has.
+    pub fn denoise(
+        &self,
+        program: &mut DenoiseProgram,
+        noisy: &Noisy<'_>,
+        test: WelchTest,
+        pixels: &mut [[f32; 3]],
+    ) -> Result<(), DeviceError> {
+        // Describe the picture, and send what the host has of it.
+        let gpu = program.gpu.clone();
+        let header = Denoise { t_squared: test.t_squared(), ..self.described() };
+        let header = match *noisy {
+            Noisy::Film { sums, resting, samples } => Denoise {
+                sums: sums.address(),
+                resting: resting.map_or(0, Buffer::address),
+                samples,
+                is_variance_known: u32::from(samples >= CLASSES),
+                ..header
+            },
+            Noisy::Host { mean, variance } => {
+                gpu.upload(&self.image, 0, bytemuck::cast_slice(&mean.pixels))?;
+                if let Some(variance) = &variance {
+                    gpu.upload(&self.variance, 0, bytemuck::cast_slice(&variance.of_mean.pixels))?;
+                }
+                Denoise { is_variance_known: u32::from(variance.is_some()), ..header }
+            }
+        };
+        gpu.upload(&self.header, 0, bytemuck::bytes_of(&header))?;
+
+        // Take the surfaces' colours out of the light, pool its variance, and average windows.
+        for step in [DenoiseStep::Light, DenoiseStep::Pooled, DenoiseStep::Window] {
+            program.run(&self.header, step, self.size)?;
+        }
+
+        // Read the result.
+        gpu.download(&self.image, 0, bytemuck::cast_slice_mut(pixels))
+    }
+
+    /// Bytes on the device.
+    pub fn bytes(&self) -> u64 {
+        let all =
+            [&self.header, &self.guides, &self.image, &self.light, &self.variance, &self.pooled_variance];
+        all.into_iter().map(Buffer::bytes).sum()
+    }
+}
