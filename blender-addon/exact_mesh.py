@@ -15,7 +15,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, FloatProperty
 
-from . import label_table, native, registry, volume_place
+from . import label_table, native, preferences, registry, volume_place
 from .background import InBackground, Work
 from .properties import is_volume
 from .reports import Refused
@@ -120,6 +120,8 @@ class PUMICE_OT_make_exact_mesh(InBackground, bpy.types.Operator):
             self.report({"WARNING"}, "Cuts are not in the mesh: it is the whole surface")
         if context.scene.pumice.smooth_voxels:
             self.report({"WARNING"}, "Smooth Voxels is not in the mesh: its faces are flat")
+        if preferences.memory_limit_bytes():
+            raise Refused("The exact mesh needs whole volumes in memory: set Memory Limit in the extension's preferences to 0")
         wanted = [Wanted(obj) for obj in chosen]
         merged, limit = self.merged, int(self.memory_gb * 1e9) // BYTES_A_FACE
 

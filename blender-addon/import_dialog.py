@@ -15,7 +15,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import cache, file_facts, file_series, opening, time_settings
+from . import cache, file_facts, file_series, opening, registry, time_settings
 from .reports import Refused
 from .time_steps import Playback
 
@@ -216,7 +216,8 @@ class ImportDialog(ImportHelper):
         if self.use_sequence:
             files = self.files_of_series()
             chosen = [(files[0], self.choice_of(files[0]) | {"files": [os.path.basename(file) for file in files]})]
-        return [opening.Wanted(path, choice, self.places(path, choice), played, frame) for path, choice in chosen]
+        memory = registry.page_memory()
+        return [opening.Wanted(path, choice, self.places(path, choice), played, frame, memory) for path, choice in chosen]
 
     def files_of_series(self):
         """The files that `use_sequence` makes one volume of, in the order of their numbers. Raises Refused where there is only one."""

@@ -18,7 +18,7 @@ import numpy as np
 
 from . import final_render, label_table, native, persistent, preferences, registry, scene_reader, viewport
 from .properties import is_volume
-from .reports import Refused
+from .reports import Refused, of_limit
 from .sync import edits
 from .sync.parts import Parts
 
@@ -146,7 +146,7 @@ def _drawn(parts, shown, backend):
     try:
         while (film := session.label_film()) is None:
             if session.status.error is not None:
-                raise Refused(f"The labels of the camera's picture cannot be found: {session.status.error}")
+                raise Refused(f"The labels of the camera's picture cannot be found: {of_limit(session.status.error)}")
             time.sleep(0.002)
     finally:
         session.stop()

@@ -6,6 +6,9 @@
                   │no
                   └──► compress ──► save under the name that `cache` gives
 
+With a memory that limits what volumes hold, neither the source nor its compressed form is in memory as a whole, and the volume is opened to be
+drawn from disk.
+
 Of a series, one file has all time steps, and one of them is opened: the one that is shown first.
 """
 
@@ -29,6 +32,13 @@ class Wanted(NamedTuple):
     # How a series is played, and the frame at which it is shown; all of it without a duration.
     playback: Playback = Playback(duration=0)
     frame: float = 1.0
+    # A `pumice.PageMemory` for volumes that are drawn from disk; None for those in memory.
+    memory: Any = None
+
+    def open(self, path, job, **reading):
+        """The volume of a compressed file."""
+        pages = {} if self.memory is None else {"memory": self.memory}
+        return native.require().open(path, job=job, **pages, **reading)
 
 
 class Opened(NamedTuple):
@@ -59,17 +69,21 @@ def _open(wanted, job, tell):
     if compressed and not files and cache.time_steps(wanted.source) > 1:
         return _one_of_series(wanted, job, reading)
     if compressed and not wanted.choice:
-        return Opened(wanted.source, {}, wanted.source, pumice.open(wanted.source, job=job), [])
+        return Opened(wanted.source, {}, wanted.source, wanted.open(wanted.source, job), [])
     is_series = len(reading) < len(wanted.choice)
     odd = [] if compressed else pumice.probe(wanted.source, job=job, **reading)["warnings"]
     kept = cache.existing(wanted.paths)
     if kept is not None:
-        return _at_frame(wanted, kept, job, odd) if is_series else Opened(wanted.source, wanted.choice, kept, pumice.open(kept, job=job), odd)
+        return _at_frame(wanted, kept, job, odd) if is_series else Opened(wanted.source, wanted.choice, kept, wanted.open(kept, job), odd)
     target = cache.writable(wanted.paths)
     tell(f"Compressing {name}")
     if is_series:
         pumice.compress_series(files or wanted.source, target, time_steps=wanted.choice.get("time_steps"), job=job, **reading)
         return _at_frame(wanted, target, job, odd)
+    if wanted.memory is not None:
+        pumice.compress_file(wanted.source, target, job=job, **wanted.choice)
+        tell(f"Opening {name}")
+        return Opened(wanted.source, wanted.choice, target, wanted.open(target, job), odd)
     volume = pumice.compress(wanted.source, job=job, **wanted.choice)
     tell(f"Saving {name}")
     volume.save(target, job=job)
@@ -99,7 +113,7 @@ def _at_frame(wanted, path, job, odd):
     if played.duration == 0:
         played = played._replace(duration=count)
     if count == 1:
-        volume = native.require().open(path, job=job)
+        volume = wanted.open(path, job)
     else:
-        volume = native.require().open(path, time=played.nearest(wanted.frame, count), job=job)
+        volume = wanted.open(path, job, time=played.nearest(wanted.frame, count))
     return Opened(wanted.source, wanted.choice, path, volume, odd, played)

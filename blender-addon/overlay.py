@@ -6,6 +6,7 @@
 """
 
 from . import devices
+from .reports import of_limit
 
 
 def percent(error):
@@ -17,7 +18,9 @@ def line(status, frame, notes):
     """One line from the session's status and its newest frame (either may be None) and a list of notes."""
     said = []
     if status is not None and status.state == "failed":
-        said.append(f"stopped: {status.error}")
+        said.append(f"stopped: {of_limit(status.error)}")
+    elif frame is None and status is not None and status.error:
+        said.append(f"not shown: {of_limit(status.error)}")
     elif frame is None:
         said.append("preparing" if status is not None else "no volume to draw")
     else:
@@ -29,7 +32,7 @@ def line(status, frame, notes):
             said.append("denoised, biased")
         said.append(f"{frame.seconds:.1f} s")
         if status.error:
-            said.append(f"not shown: {status.error}")
+            said.append(f"not shown: {of_limit(status.error)}")
         elif status.state == "converged":
             said.append("done")
     # The last is what led to the backend that draws now.

@@ -1,15 +1,20 @@
 # SPDX-FileCopyrightText: The Pumice developers
 # SPDX-License-Identifier: GPL-3.0-or-later
-"""Settings of the machine and not of a file: which device computes, as in Cycles' preferences.
+"""Settings of the machine and not of a file: which device computes, as in Cycles' preferences, and how much memory volumes may take.
+
+The limit of memory is not a property of a scene: a file that goes to a machine with other memory, such as one of a render farm, must not bring
+the limit of the machine that it was made on.
 
 Blender stores the choice from a list that is built at run time as a number, which means another device in another list. The choice is
 therefore stored as text, and the list shows it.
 """
 
 import bpy
-from bpy.props import BoolProperty, EnumProperty, StringProperty
+from bpy.props import BoolProperty, EnumProperty, IntProperty, StringProperty
 
 from . import devices, native
+
+MIB = 1 << 20
 
 # Blender does not keep the texts of a list built at run time alive.
 _items = []
@@ -53,6 +58,15 @@ class PumicePreferences(bpy.types.AddonPreferences):
         get=_get,
         set=_set,
     )
+    memory_limit: IntProperty(
+        name="Memory Limit",
+        description="MiB of memory that volumes hold at most while they are drawn. They are then drawn from temporary files, by the processor, with the "
+        "same picture; a limit that is too small for a scene is refused with one that suffices. 0 is no limit: volumes are read whole",
+        min=0,
+        max=(1 << 31) - 1,
+        default=0,
+        update=_tell,
+    )
     true_overlays: BoolProperty(
         name="True Overlays",
         description="In viewports that Pumice draws, Pumice draws outlines of selected objects, grid and axes too, true to its picture. "
@@ -68,6 +82,7 @@ class PumicePreferences(bpy.types.AddonPreferences):
             return
         layout.use_property_split = True
         layout.prop(self, "device")
+        layout.prop(self, "memory_limit", text="Memory Limit (MiB)")
         layout.prop(self, "true_overlays")
         column = layout.column()
         column.active = False
@@ -78,7 +93,27 @@ class PumicePreferences(bpy.types.AddonPreferences):
 
 
 def backend(wishes):
-    """The backend that draws a scene with these settings, as the compiled module names it."""
+    """The backend that draws a scene with these settings, as the compiled module names it: with a limit of memory the processor."""
+    return "cpu" if memory_limit_bytes() else _wished(wishes)
+
+
+def notices(wishes):
+    """What is drawn otherwise than these settings say, one line each."""
+    if not memory_limit_bytes() or native.pumice is None:
+        return []
+    wished = _wished(wishes)
+    if wished == "auto":
+        wished = next((device["backend"] for device in devices.listed(native.pumice) if device["chosen"]), "cpu")
+    return [] if wished == "cpu" else [f"{wished.split(':')[0]} needs whole volumes in memory: with a Memory Limit the processor draws"]
+
+
+def memory_limit_bytes():
+    """Bytes that all open volumes may hold while they are drawn; 0 without a limit."""
+    chosen = _chosen()
+    return chosen.memory_limit * MIB if chosen is not None else 0
+
+
+def _wished(wishes):
     if wishes.backend != "AUTO":
         return wishes.backend.lower()
     chosen = _chosen()

@@ -11,6 +11,9 @@ brings the object back opens it again. Threads only call the compiled module, ne
 
 Time steps are opened when they are shown. Open are those that a viewport or a render shows (`hold`), and the `MOST_TIME_STEPS` that were used
 last before; others are closed, and the opening of one that nobody shows any more is cancelled.
+
+With a limit of memory in the preferences all volumes share a `pumice.PageMemory` and are drawn from disk: opening one makes pages of all its
+labels in temporary files, so that any of them can be shown. A volume that was opened within another limit counts as another one.
 """
 
 import itertools
@@ -21,7 +24,7 @@ import time
 import bpy
 import numpy as np
 
-from . import file_paths, label_table, native, time_settings
+from . import file_paths, label_table, native, preferences, time_settings
 from .reports import Refused, one_line
 
 # Time steps that stay open, most recently used first, beside those that are shown: to go back a frame opens nothing.
@@ -35,10 +38,13 @@ _numbers = itertools.count(1)
 class Entry:
     """A volume that is open, is being opened, or cannot be opened; `time_step` is None where its file has no time.
 
-    `labels` are those that are read: (ids, which of them), None for all. `former` is an entry of the same file that has some of them."""
+    `labels` are those that are read: (ids, which of them), None for all. `former` is an entry of the same file that has some of them. `memory` is
+    that of volumes on disk, None where they are in memory."""
 
-    def __init__(self, path, time_step=None, shown=None, former=None):
-        self.path, self.time_step = path, time_step
+    def __init__(self, path, time_step=None, shown=None, former=None, memory=None):
+        self.path, self.time_step, self.memory = path, time_step, memory
+        if memory is not None:
+            shown = former = None
         self.labels = joined(shown, former.labels) if former is not None else shown
         if self.labels is not None and np.count_nonzero(self.labels[1]) > MOST_LABELS * len(self.labels[1]):
             self.labels = None
@@ -67,7 +73,7 @@ class Entry:
         try:
             self.volume = self._opened(native.require())
             # What reads all of a file though it was asked for some labels.
-            if self.volume.is_whole:
+            if self.volume.is_whole and self.memory is None:
                 self.labels, self.part = None, 0
             if self.time_step is not None:
                 self.volume.content_hash  # viewports ask for it while Blender waits for them  # noqa: B018
@@ -80,6 +86,8 @@ class Entry:
 
     def _opened(self, pumice):
         reading = {} if self.time_step is None else {"time": self.time_step}
+        if self.memory is not None:
+            return pumice.open(self.path, memory=self.memory, job=self.job, **reading)
         if self.labels is not None:
             ids, read = self.labels
             if self._former is not None:
@@ -105,28 +113,42 @@ def joined(some, others):
     return ids, np.ones(len(ids), dtype=bool)
 
 
-# By path, size, time of change, and time step; the entry that was asked for last comes last.
+# By path, size, time of change, time step and limit of memory; the entry that was asked for last comes last.
 _entries = {}
 # Keys of the time steps that a reader shows, by reader.
 _held = {}
 # A render reads in a thread of its own.
 _lock = threading.RLock()
+# What volumes on disk share: one `pumice.PageMemory`, that of the limit in force.
+_memory = None
+
+
+def page_memory():
+    """The memory that volumes on disk share, within the limit of the preferences; None where there is no limit."""
+    global _memory
+    limit = preferences.memory_limit_bytes()
+    with _lock:
+        if not limit:
+            _memory = None
+        elif _memory is None or _memory.limit != limit:
+            _memory = native.require().PageMemory(limit)
+        return _memory
 
 
 def request(path, time_step=None, shown=None):
     """The entry of a file, or of a time step of it; starts opening it if there is none yet, or none that has the labels `shown`: (ids, which of
     them), None for all. Raises Refused if the file is missing."""
-    key = _key(path, time_step)
+    memory = page_memory()
+    key = _key(path, time_step, memory)
     with _lock:
         entry = _entries.pop(key, None)
         if entry is None:
-            for other in [k for k in _entries if k[0] == path and k[:3] != key[:3]]:
-                _entries.pop(other).job.cancel()
-            entry = Entry(path, time_step, shown)
+            _close_others(key)
+            entry = Entry(path, time_step, shown, memory=memory)
             if time_step is not None:
                 _close_time_steps()
         elif not entry.has(shown):
-            entry = Entry(path, time_step, shown, entry)
+            entry = Entry(path, time_step, shown, entry, memory)
         _entries[key] = entry
     return entry
 
@@ -146,12 +168,14 @@ def adopt(path, volume):
     """Registers a volume that is already open as that of a file."""
     entry = Entry.__new__(Entry)
     entry.path, entry.volume, entry.error = path, volume, None
-    entry.time_step = volume.time_step
-    entry.labels, entry.part = None, 0
+    entry.time_step, entry.memory = volume.time_step, volume.memory
+    entry.labels, entry.part = None, 0 if entry.memory is None else next(_numbers)
     entry.job, entry.done = native.require().Job(), threading.Event()
     entry.done.set()
+    key = _key(path, entry.time_step, entry.memory)
     with _lock:
-        _entries[_key(path, entry.time_step)] = entry
+        _close_others(key)
+        _entries[key] = entry
 
 
 def wait(path, cancelled, time_step=None, shown=None):
@@ -203,6 +227,12 @@ def forget_unused():
             _entries.pop(key).job.cancel()
 
 
+def _close_others(key):
+    """Closes what a file had before it changed, and what was opened of it within another limit."""
+    for other in [k for k in _entries if k[0] == key[0] and (k[:3], k[4]) != (key[:3], key[4])]:
+        _entries.pop(other).job.cancel()
+
+
 def _close_time_steps():
     """Closes the time steps that nobody shows, but for those that were used last."""
     rest = [k for k, entry in _entries.items() if k[3] is not None and entry.done.is_set() and not _is_held(k)]
@@ -214,12 +244,12 @@ def _is_held(key):
     return any((key[0], key[3]) in keys for keys in _held.values())
 
 
-def _key(path, time_step):
+def _key(path, time_step, memory):
     try:
         status = os.stat(path)
     except OSError:
         raise Refused(f"{path}: the volume's file is missing; set its path in the object's Pumice panel") from None
-    return (path, status.st_size, status.st_mtime_ns, time_step)
+    return (path, status.st_size, status.st_mtime_ns, time_step, 0 if memory is None else memory.limit)
 
 
 @bpy.app.handlers.persistent
@@ -254,6 +284,7 @@ def register():
 
 
 def unregister():
+    global _memory
     for handlers, call in HANDLERS:
         handlers.remove(call)
     deadline = time.monotonic() + 5.0
@@ -263,3 +294,4 @@ def unregister():
         entry.done.wait(max(0.0, deadline - time.monotonic()))
     _entries.clear()
     _held.clear()
+    _memory = None

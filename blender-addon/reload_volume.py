@@ -61,7 +61,7 @@ class PUMICE_OT_reload(InBackground, bpy.types.Operator):
         choice = json.loads(obj.get("pumice_choice", "{}"))
         folder = bpy.utils.extension_path_user(__package__, path="volumes", create=False)
         played = [time_settings.playback(obj), time_settings.now(context.scene)] if time_settings.is_series(obj) else []
-        wanted = [opening.Wanted(source, choice, cache.candidates(source, choice, folder), *played)]
+        wanted = [opening.Wanted(source, choice, cache.candidates(source, choice, folder), *played, memory=registry.page_memory())]
         return Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
 
     def finish(self, context, opened):

@@ -305,7 +305,7 @@ class Volume:
         self.dims, self.spacing, self.unit = (64, 64, 32), (16.0, 16.0, 40.0), "nm"
         self.world_from_index = np.diag([16.0, 16.0, 40.0, 1.0]) if world is None else np.array(world, dtype=float)
         self.content_hash = "0" * 32
-        self.time_step = self.time_steps = None
+        self.time_step = self.time_steps = self.memory = None
         self.labels = Labels([3, 17, 98340797 + 2**33])
 
         self.is_whole = True

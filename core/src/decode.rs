@@ -8,7 +8,7 @@ impl CompressedVolume {
     /// Spatial index of the boxes, built on first use.
     ///
     /// # Errors
-    /// [`Error::Memory`]; the next query tries again.
+    /// [`Error::Memory`]; the next query tries again. [`Error::Caller`] where the boxes are on disk ([`CompressedVolume::pages`]).
     pub fn grid(&self) -> Result<&BoxGrid> {
         if let Some(grid) = self.grid.get() {
             return Ok(grid);
@@ -21,8 +21,9 @@ impl CompressedVolume {
     /// Builds a spatial index that the caller owns, for callers that need one only once and do not want the volume to keep its memory.
     ///
     /// # Errors
-    /// [`Error::Memory`].
+    /// [`Error::Memory`]; [`Error::Caller`] where the boxes are on disk.
     pub(crate) fn new_grid(&self) -> Result<BoxGrid> {
+        self.require_boxes("a look-up of voxels")?;
         Ok(BoxGrid::new(self.boxes().len(), |i| {
             let place = self.place_of_box(i);
             (place.origin, place.extent)

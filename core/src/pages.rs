@@ -70,6 +70,8 @@ struct Page {
     number: u64,
     chunk: u32,
     stored: StoredBytes,
+    /// Labels of its boxes, each once, rising.
+    labels: Box<[u32]>,
 }
 
 /// The pages of a volume (see the module).
@@ -152,10 +154,13 @@ impl Pages {
                 return Ok(None);
             }
             let mut bytes = Vec::new();
-            encode(&volume.with_boxes(items)?, &mut bytes)?;
+            let of_page = volume.with_boxes(items)?;
+            encode(&of_page, &mut bytes)?;
             let stored = StoredBytes::append(&self.scratch, &bytes)?;
+            // (A chunk has the runs of its labels in their order.)
+            let labels = of_page.runs.iter().map(|run| run.label).collect();
             let number_of_page = at[0] + self.along[0] * (at[1] + self.along[1] * at[2]);
-            Ok(Some(Page { number: number_of_page, chunk: number, stored }))
+            Ok(Some(Page { number: number_of_page, chunk: number, stored, labels }))
         };
         let made: Vec<Option<Page>> = items.par_iter().enumerate().map(page).collect::<Result<_>>()?;
         self.pages.extend(made.into_iter().flatten());
@@ -204,6 +209,14 @@ impl Pages {
     /// When `index` is out of range.
     pub fn number(&self, index: usize) -> u64 {
         self.pages[index].number
+    }
+
+    /// Labels of the boxes of the page at `index`, each once: what of the labels that are drawn changes it.
+    ///
+    /// # Panics
+    /// When `index` is out of range.
+    pub fn labels(&self, index: usize) -> &[u32] {
+        &self.pages[index].labels
     }
 
     /// Lowest voxel of a page.
@@ -266,7 +279,13 @@ impl Pages {
     /// Bytes in memory: the table of pages, and the leaves, which no page has a copy of.
     pub fn bytes(&self) -> u64 {
         let leaves: u64 = self.chunks.iter().map(|(_, leaves)| leaves.bytes()).sum();
-        (self.pages.capacity() * size_of::<Page>()) as u64 + leaves
+        self.table_bytes() + leaves
+    }
+
+    /// The part of [`Pages::bytes`] that the table of pages takes.
+    pub fn table_bytes(&self) -> u64 {
+        let labels: usize = self.pages.iter().map(|page| size_of_val(&*page.labels)).sum();
+        (self.pages.capacity() * size_of::<Page>() + labels) as u64
     }
 }
 
@@ -293,6 +312,29 @@ impl CompressedVolume {
     /// box that could be asked for by its number.
     pub fn pages(&self) -> Option<&Arc<Pages>> {
         self.pages.as_ref()
+    }
+
+    /// Refuses a volume whose boxes are not in memory; `what` needs them there.
+    ///
+    /// # Errors
+    /// [`Error::Caller`].
+    pub fn require_boxes(&self, what: &str) -> Result<()> {
+        match self.pages {
+            None => Ok(()),
+            Some(_) => Err(Error::Caller(format!(
+                "memory limit: {what} needs the whole volume in memory: leave the limit out"
+            ))),
+        }
+    }
+
+    /// Whether every page so far could be read, which a caller of [`CompressedVolume::for_each_box`] asks afterwards: it leaves out boxes that
+    /// it cannot read.
+    ///
+    /// # Errors
+    /// [`Error::Source`] with the reason.
+    pub fn check_pages(&self) -> Result<()> {
+        let failure = self.pages.as_ref().and_then(|pages| pages.failure());
+        failure.map_or(Ok(()), |why| Err(Error::Source(why.into())))
     }
 
     /// The same volume with these boxes alone, given by rising numbers, without a label table. The volume must have one chunk.

@@ -40,6 +40,7 @@ pub struct Residency {
 #[derive(Default)]
 struct State {
     held: u64,
+    kept: u64,
     most_held: u64,
     loads: u64,
     parts: u64,
@@ -54,6 +55,8 @@ pub struct ResidencyCounts {
     pub limit_bytes: u64,
     /// Bytes in memory now.
     pub held_bytes: u64,
+    /// Those of them that stay, whatever is loaded ([`Residency::keep`]).
+    pub kept_bytes: u64,
     /// The most bytes that were in memory at once.
     pub most_held_bytes: u64,
     /// Parts that were loaded, each time again.
@@ -85,12 +88,12 @@ impl Residency {
         self.limit
     }
 
-    /// Counts bytes that stay in memory until [`Residency::release`].
+    /// Counts bytes that stay in memory until [`Residency::withdraw`]; parts make room for them.
     pub fn keep(&self, bytes: u64) {
+        self.make_room(bytes);
         let mut state = self.state();
-        state.held += bytes;
+        state.kept += bytes;
         state.bytes_of_all += bytes;
-        state.most_held = state.most_held.max(state.held);
     }
 
     /// Counts parts that may be loaded from now on, of so many bytes in all.
@@ -105,6 +108,7 @@ impl Residency {
         state.parts = state.parts.saturating_sub(parts);
         state.bytes_of_all = state.bytes_of_all.saturating_sub(bytes + kept_bytes);
         state.held = state.held.saturating_sub(kept_bytes);
+        state.kept = state.kept.saturating_sub(kept_bytes);
     }
 
     /// Makes room for a part that is about to be loaded, and counts its bytes.
@@ -155,6 +159,7 @@ impl Residency {
         ResidencyCounts {
             limit_bytes: self.limit,
             held_bytes: state.held,
+            kept_bytes: state.kept,
             most_held_bytes: state.most_held,
             loads: state.loads,
             parts: state.parts,

@@ -342,6 +342,7 @@ impl Renderer for CpuRenderer {
         let shown = self.shown()?;
         let film = &shown.scene.scene().film;
         let hit = if x < film.width && y < film.height { shown.tracer.pick(x, y) } else { None };
+        shown.tracer.check()?;
         let labelled = hit.filter(|(hit, _)| hit.surface.kind != SurfaceKind::Triangle);
         Ok(labelled.map(|(hit, depth)| {
             let s = hit.surface;

@@ -243,3 +243,88 @@ fn what_needs_everything_in_memory_is_refused() {
     let far = line(|scene| scene.settings.lod = pumice_scene::Lod::Distance { pixels: 1.0 });
     assert!(far.starts_with("memory limit: a level of detail by distance"), "{far}");
 }
+
+/// With other labels shown, the picture is that of a volume in memory, and pages without the labels that changed stay in memory: the same
+/// picture again loads those alone that were made anew. What is given up is counted out.
+#[test]
+fn pages_stay_when_labels_elsewhere_are_hidden() {
+    // Labels of a single page each, and one, 50, that reaches through all.
+    let (_, whole) = volume([256, 128, 128], |x, y, z| {
+        let page = 1 + x / 64 + 4 * (y / 64) + 8 * (z / 64);
+        match (x % 7 < 3, y % 5 < 2, z % 4 < 2) {
+            (true, true, _) => page,
+            (_, _, true) if (x + y) % 11 == 0 => 50,
+            _ => 0,
+        }
+    });
+    let (paged, memory) = TestFile::of(&whole, CompressionLevel::Fast).paged(64, u64::MAX);
+    let shown_of = |volume: &Arc<CompressedVolume>, hidden: &[u64]| TracedInstance {
+        visible: volume.labels().ids().iter().map(|id| !hidden.contains(id)).collect(),
+        ..instance(volume, LodChoice::Voxels)
+    };
+    let expected = |hidden: &[u64]| {
+        let traced = shown_of(&whole, hidden);
+        answers(&VolumeTracer::in_bricks(0, &traced).unwrap(), whole.info().dims, 1500)
+    };
+    let got = |tracer: &VolumeTracer| answers(tracer, whole.info().dims, 1500);
+
+    let all = shown_of(&paged, &[]);
+    let mut tracer = VolumeTracer::in_bricks(0, &all).unwrap();
+    assert!(got(&tracer) == expected(&[]));
+    let before = memory.counts();
+    assert_eq!((before.parts, before.loads), (16, 16), "every page was met");
+    let (mut visible, mut loads) = (all.visible, before.loads);
+    // (labels hidden now, pages made anew)
+    for (hidden, anew) in [(vec![3], 1), (vec![3, 10], 1), (vec![10], 1), (vec![], 1), (vec![50], 16)] {
+        let traced = shown_of(&paged, &hidden);
+        let shown = tracer.showing(&visible, 0, &traced).unwrap().0;
+        (tracer, visible) = (shown, traced.visible);
+        assert!(got(&tracer) == expected(&hidden), "{hidden:?}");
+        assert_eq!(memory.counts().loads - loads, anew, "{hidden:?}");
+        assert_eq!(memory.counts().parts, 16);
+        loads = memory.counts().loads;
+    }
+    // More changes than there may be files: then all pages are made anew, once.
+    for change in 0..20u64 {
+        let traced = shown_of(&paged, &[1 + change % 2, 50]);
+        let shown = tracer.showing(&visible, 0, &traced).unwrap().0;
+        (tracer, visible) = (shown, traced.visible);
+        assert!(got(&tracer) == expected(&[1 + change % 2, 50]), "{change}");
+    }
+    drop(tracer);
+    let after = memory.counts();
+    assert_eq!(
+        (after.held_bytes, after.kept_bytes, after.parts, after.bytes_of_all),
+        (0, 0, 0, 0),
+        "{after:?}"
+    );
+}
+
+/// Two tracers share one memory: pages of the first make room for those of the second, which is not refused for them.
+#[test]
+fn tracers_share_a_limit() {
+    // What suffices depends on the number of threads.
+    rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(check_that_tracers_share_a_limit);
+}
+
+fn check_that_tracers_share_a_limit() {
+    let (_, whole) = noise([256, 192, 128], 0.05, 500, 3);
+    let file = TestFile::of(&whole, CompressionLevel::Fast);
+    let (paged, memory) = file.paged(64, u64::MAX);
+    let in_memory = VolumeTracer::in_bricks(0, &instance(&whole, LodChoice::Voxels)).unwrap();
+    let expected = answers(&in_memory, whole.info().dims, 800);
+    let first = VolumeTracer::in_bricks(0, &instance(&paged, LodChoice::Voxels)).unwrap();
+    let kept = memory.counts().kept_bytes;
+    assert!(answers(&first, whole.info().dims, 800) == expected);
+    let all = memory.counts().held_bytes - kept;
+
+    // Both tables, and half of the pages of one.
+    let limit = 2 * kept + all / 2;
+    let (paged, memory) = file.paged(64, limit);
+    let both = [(); 2].map(|()| VolumeTracer::in_bricks(0, &instance(&paged, LodChoice::Voxels)).unwrap());
+    for tracer in both.iter().chain(&both[..1]) {
+        assert!(answers(tracer, whole.info().dims, 800) == expected);
+    }
+    let counts = memory.counts();
+    assert!(counts.most_held_bytes <= limit && counts.loads > counts.parts, "{counts:?}");
+}

@@ -23,6 +23,7 @@ from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
 from .neuroglancer import open_state
+from .page_memory import PageFigures, PageMemory
 from .parts import chunk_count, compress_file, compress_part, merge
 from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
 from .reference_picture import ReferencePicture
@@ -52,6 +53,8 @@ __all__ = [
     "LabelGroups",
     "LabelTable",
     "Mesh",
+    "PageFigures",
+    "PageMemory",
     "Pick",
     "PickedPixel",
     "Picture",

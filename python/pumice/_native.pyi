@@ -185,6 +185,20 @@ class Mesh:
         """
 
 @final
+class PageMemory:
+    """
+    At most so many bytes of volumes that are drawn from disk.
+    """
+    def __new__(cls, /, limit_bytes: SupportsIndex) -> PageMemory:
+        """
+        Nothing yet.
+        """
+    def figures(self, /) -> str:
+        """
+        What is in memory and was, as JSON text.
+        """
+
+@final
 class Picture:
     """
     A finished picture. Row 0 is the top.
@@ -381,9 +395,10 @@ class Session:
     """
     A live, progressively refined picture.
     """
-    def __new__(cls, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, denoise: bool) -> Session:
+    def __new__(cls, /, scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], *, denoise: bool, memory_limit: SupportsIndex | None, job: Job | None) -> Session:
         """
-        Starts the worker. `volumes[i]` belongs to the scene's instance i, `meshes[i]` to its mesh i. `how`: a `pumice.arguments.RenderAs`.
+        Starts the worker. `volumes[i]` belongs to the scene's instance i; without volumes its sources are opened, and with a limit drawn from
+        disk. `meshes[i]` belongs to its mesh i. `how`: a `pumice.arguments.RenderAs`.
         """
     def _panic_on_purpose(self, /) -> None:
         """
@@ -423,9 +438,9 @@ class Session:
         """
         Sets which labels of an instance are drawn, and the groups of its labels; returns the new revision.
         """
-    def status(self, /) -> tuple[str, str | None, int, str, str, list[str], dict[str, int]]:
+    def status(self, /) -> tuple[str, str | None, int, str, str, list[str], dict[str, int], str | None]:
         """
-        (state, error, revision, backend, device, notices, counters).
+        (state, error, revision, backend, device, notices, counters, pages as JSON text).
         """
     def stop(self, /) -> None:
         """
@@ -623,10 +638,10 @@ def one_line(text: str) -> str:
     A text as it is shown: on one line of bounded length, with control characters as escapes.
     """
 
-def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[Volume, list[str]]:
+def open(path: str | PathLike[str], *, labels: SupportsGetItem[int, SupportsIndex] | None = None, mapped: bool = False, memory: PageMemory | None = None, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[Volume, list[str]]:
     """
     Opens a `.pumice` file, or compresses a label volume of another format in memory; also returns the reader's warnings. If `labels` are
-    given, only these are read from a `.pumice` file.
+    given, only these are read from a `.pumice` file; with a `memory` it is drawn from disk.
     """
 
 def open_state(text: str | None, path: str | PathLike[str], layer_files: SupportsGetItem[int, tuple[str, str | PathLike[str]]], size: SupportsLenAndGetItem[SupportsIndex], job: Job | None = None) -> tuple[Scene, list[Volume], list[str]]:

@@ -17,6 +17,7 @@ from .arguments import Path
 from .checked import checked
 from .errors import InputError, PumiceWarning
 from .mesh import Mesh
+from .page_memory import PageFigures, limit_of
 from .scene import Scene
 from .sources import warn_of_missing
 from .volume import Job, Volume
@@ -118,6 +119,12 @@ class Picture:
     def notices(self) -> list[str]:
         """Device failures after which rendering continued, one line each."""
         return list(self._figures["notices"])
+
+    @property
+    def pages(self) -> PageFigures | None:
+        """What was in memory of volumes that were drawn from disk, with the loads of this picture; None where all was in memory."""
+        found = self._figures.get("pages")
+        return None if found is None else PageFigures(**found)
 
     @property
     def mean_spp(self) -> float:
@@ -245,10 +252,7 @@ def render(
     require_end(scene, spp, seconds, error)
     annotate = arguments.annotate_as(width_mm, dpi, scale_bar, scale_bar_corner, legend)
     how = arguments.render_as(backend, spp, seconds, error)
-    if memory_limit is not None:
-        memory_limit = arguments.whole("memory_limit", memory_limit, 1, arguments.MOST_64)
-        if volumes is not None:
-            raise InputError("memory_limit: these volumes are in memory; leave them out, and the scene's sources are drawn from disk")
+    memory_limit = limit_without(volumes, memory_limit)
     native = _native.render(
         scene._native,
         None if volumes is None else in_order(scene, volumes),
@@ -267,6 +271,15 @@ def require_end(scene: Scene, spp: int | None, seconds: float | None, error: flo
     """Raises InputError for a render without a limit."""
     if spp is None and seconds is None and error is None and not scene._native.rests():
         raise InputError("render: give spp, seconds or error, or settings.adaptive in the scene, or it would never end")
+
+
+def limit_without(volumes: Volumes | None, memory_limit: int | None) -> int | None:
+    """A limit in bytes for the sources of a scene, which goes without volumes."""
+    if memory_limit is None:
+        return None
+    if volumes is not None:
+        raise InputError("memory_limit: these volumes are open; leave them out, and the scene's sources are drawn from disk, or open them with memory=")
+    return limit_of("memory_limit", memory_limit)
 
 
 def told_points(on_progress: Callable[[CurvePoint], None] | None) -> Callable[..., None] | None:

@@ -14,15 +14,17 @@ from . import _native, arguments, mesh
 from .checked import checked
 from .labels import LabelFlags, LabelGroups, flags
 from .mesh import Mesh
-from .picture import Volumes, in_order
+from .page_memory import PageFigures, figures_of
+from .picture import Volumes, in_order, limit_without
 from .scene import Scene
-from .volume import Volume
+from .volume import Job, Volume
 
 
 @dataclasses.dataclass(frozen=True)
 class Status:
     """Status of a session: `state` is rendering, converged, failed or stopped; `backend` draws on `device`; `notices` has the device
-    failures after which rendering continued, the latest last."""
+    failures after which rendering continued, the latest last; `pages` is what was in memory of volumes that are drawn from disk, None where all
+    is in memory."""
 
     state: str
     error: str | None
@@ -31,6 +33,7 @@ class Status:
     device: str
     notices: list[str]
     counters: dict[str, int]
+    pages: PageFigures | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -63,13 +66,15 @@ class Session:
     """A live picture of `scene`; arguments as for `render`. Without `spp`, `seconds` or `error` it is refined for ever.
 
     `denoise`: frames before the last are denoised (`Frame.filtered`); the last is the mean of its samples.
+    `volumes`: as for `render`. Without them the scene's sources are opened first, which `job` may cancel; with `memory_limit` they are drawn from
+    disk, and hold at most so many bytes. Volumes that several sessions share are opened with a `PageMemory` instead.
     """
 
     @checked
     def __init__(
         self,
         scene: Scene,
-        volumes: Volumes,
+        volumes: Volumes | None = None,
         *,
         meshes: Sequence[Mesh] = (),
         backend: str = "auto",
@@ -77,11 +82,18 @@ class Session:
         seconds: float | None = None,
         error: float | None = None,
         denoise: bool = False,
+        memory_limit: int | None = None,
+        job: Job | None = None,
     ) -> None:
-        volumes_in_order = in_order(scene, volumes)
         how = arguments.render_as(backend, spp, seconds, error)
         self._native = _native.Session(
-            scene._native, volumes_in_order, mesh.natives(meshes), how, denoise=bool(denoise)
+            scene._native,
+            None if volumes is None else in_order(scene, volumes),
+            mesh.natives(meshes),
+            how,
+            denoise=bool(denoise),
+            memory_limit=limit_without(volumes, memory_limit),
+            job=job,
         )
 
     @checked
@@ -133,7 +145,9 @@ class Session:
     @property
     def status(self) -> Status:
         """The current status."""
-        return Status(*self._native.status())
+        state, error, revision, backend, device, notices, counters, pages = self._native.status()
+        told = None if pages is None else figures_of(pages)
+        return Status(state, error, revision, backend, device, notices, counters, told)
 
     @property
     def scene(self) -> Scene:

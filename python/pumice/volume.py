@@ -18,6 +18,7 @@ from .checked import checked
 from .compressing import labels_given, limits_of
 from .errors import InputError, PumiceWarning
 from .label_table import AnnotationTable
+from .page_memory import PageMemory
 
 Job = _native.Job
 
@@ -101,8 +102,14 @@ class LabelTable:
 class Volume:
     """An immutable label volume in its compressed form, which threads may share."""
 
-    def __init__(self, native: _native.Volume, source: tuple[Path, arguments.ReadAs | None] | None = None) -> None:
+    def __init__(
+        self,
+        native: _native.Volume,
+        source: tuple[Path, arguments.ReadAs | None] | None = None,
+        memory: PageMemory | None = None,
+    ) -> None:
         self._native = native
+        self._memory = memory
         # The file that has these voxels, and how it is read; None for an array that was not saved.
         self._source = source
         self._facts: dict[str, Any] = json.loads(native.facts())
@@ -187,6 +194,11 @@ class Volume:
         """Number of time steps of the file; None where it has one volume."""
         steps = self._facts["time_steps"]
         return None if steps is None else int(steps)
+
+    @property
+    def memory(self) -> PageMemory | None:
+        """The memory that the volume was opened with, to be drawn from disk; None where it is in memory."""
+        return self._memory
 
     @property
     def boxes(self) -> int:
@@ -380,6 +392,7 @@ def open(
     *,
     labels: Iterable[int] | None = None,
     mapped: bool = False,
+    memory: PageMemory | None = None,
     job: Job | None = None,
     **reading: Unpack[Reading],
 ) -> Volume:
@@ -392,6 +405,9 @@ def open(
     `mapped`: boxes and nodes of a `.pumice` file of the level `fast` stay in the file and take no memory of this process. As long as the
     volume exists, no other program may change that file in place, or this process ends; saving over it with Pumice is safe. Files of
     other levels, and chosen labels, are read into memory.
+
+    `memory`: boxes and nodes of a `.pumice` file go into temporary files, and come into this `PageMemory` where rays meet them, page by page. The
+    volume is drawn on the processor, with the same picture, and has its table; what needs all boxes (`save`, `decode`, `faces`, …) is an InputError.
 
     Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths), `axes` (the order of
     the axes of an array whose file does not say it: "xyz" or "zyx"; without it, "xyz" of `.npy` and `.npz`, "zyx" of HDF5 and Zarr, with a
@@ -408,10 +424,19 @@ def open(
     `raw_big_endian` (False) and `raw_offset` (0, the bytes before the first voxel) where they apply.
     """
     chosen = None if labels is None else arguments.ids("labels", labels)
+    if memory is not None and (chosen is not None or mapped):
+        raise InputError(f"memory: {'mapped' if mapped else 'labels'} has no effect beside it; pages are made of the labels that are drawn")
     read_as = arguments.reading(reading)
-    native, odd = _native.open(arguments.path("path", path), labels=chosen, mapped=mapped, job=job, read_as=read_as)
+    native, odd = _native.open(
+        arguments.path("path", path),
+        labels=chosen,
+        mapped=mapped,
+        memory=None if memory is None else memory._native,
+        job=job,
+        read_as=read_as,
+    )
     warn(odd)
-    return Volume(native, source_of(path, read_as))
+    return Volume(native, source_of(path, read_as), memory)
 
 
 @checked

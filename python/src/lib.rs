@@ -15,6 +15,7 @@ mod labels;
 mod live;
 mod mesh;
 mod neuroglancer;
+mod page_memory;
 mod parts;
 mod picture;
 mod reference_picture;
@@ -54,6 +55,8 @@ mod _native {
     use crate::mesh::Mesh;
     #[pymodule_export]
     use crate::neuroglancer::open_state;
+    #[pymodule_export]
+    use crate::page_memory::PageMemory;
     #[pymodule_export]
     use crate::parts::{chunk_count, chunk_regions, compress_file, compress_part, merge};
     #[pymodule_export]

@@ -14,9 +14,10 @@ use crate::calls::Call;
 use crate::errors::{IntoException, input};
 use crate::forked::OfProcess;
 use crate::frame::Frame;
+use crate::job::{Job, job_of};
 use crate::labels::{LabelGroups, Visible};
 use crate::mesh::Mesh;
-use crate::picture::RenderAs;
+use crate::picture::{RenderAs, opened_sources};
 use crate::scene::{Scene, label_edits};
 use crate::volume::Volume;
 use crate::waiting::released;
@@ -33,19 +34,27 @@ impl Session {
 
 #[pymethods]
 impl Session {
-    /// Starts the worker. `volumes[i]` belongs to the scene's instance i, `meshes[i]` to its mesh i. `how`: a `pumice.arguments.RenderAs`.
+    /// Starts the worker. `volumes[i]` belongs to the scene's instance i; without volumes its sources are opened, and with a limit drawn from
+    /// disk. `meshes[i]` belongs to its mesh i. `how`: a `pumice.arguments.RenderAs`.
     #[new]
-    #[pyo3(signature = (scene, volumes, meshes, how, *, denoise))]
+    #[pyo3(signature = (scene, volumes, meshes, how, *, denoise, memory_limit, job))]
+    #[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
     fn new(
+        py: Python<'_>,
         scene: &Bound<'_, Scene>,
-        volumes: Vec<Bound<'_, Volume>>,
+        volumes: Option<Vec<Bound<'_, Volume>>>,
         meshes: Vec<Bound<'_, Mesh>>,
         how: RenderAs,
         denoise: bool,
+        memory_limit: Option<u64>,
+        job: Option<&Bound<'_, Job>>,
     ) -> PyResult<Self> {
-        let volumes = volumes.iter().map(|v| Arc::clone(&v.get().0)).collect();
         let meshes = meshes.iter().map(|m| Arc::clone(&m.get().0)).collect();
         let scene = scene.get().0.clone();
+        let volumes = match volumes {
+            Some(volumes) => volumes.iter().map(|v| Arc::clone(&v.get().0)).collect(),
+            None => opened_sources(py, &scene, memory_limit, &job_of(job))?,
+        };
         let meshes = with_built_in(&scene, meshes).map_err(IntoException::into_exception)?;
         let scene = LoadedScene::new(scene, volumes, meshes).map_err(IntoException::into_exception)?;
         let (backend, spp, seconds, error) = how;
@@ -119,7 +128,7 @@ impl Session {
         Ok(Some((film.revision, pixels, Array::new(Data::Depth(film), &[height, width]))))
     }
 
-    /// (state, error, revision, backend, device, notices, counters).
+    /// (state, error, revision, backend, device, notices, counters, pages as JSON text).
     #[allow(clippy::type_complexity, reason = "a tuple for the façade, which names its parts")]
     fn status(
         &self,
@@ -131,9 +140,11 @@ impl Session {
         String,
         Vec<String>,
         std::collections::BTreeMap<String, u64>,
+        Option<String>,
     )> {
         let s = self.live()?.status();
-        Ok((s.state.name(), s.error, s.revision, s.backend, s.device, s.notices, s.counters))
+        let pages = s.pages.map(|pages| serde_json::to_string(&pages)).transpose().map_err(|e| input(&e))?;
+        Ok((s.state.name(), s.error, s.revision, s.backend, s.device, s.notices, s.counters, pages))
     }
 
     /// The scene as it is now.

@@ -10,7 +10,7 @@ use pumice_session::annotations::lay_out;
 use pumice_session::pick_pixels::{find_voxel, pick};
 use pumice_session::render_file::{PictureFormat, PicturePaths, Rendered, render_and_denoise, set_width};
 use pumice_session::{
-    Annotations, CurvePoint, DEFAULT_DPI, OpenOptions, ScaleBar, SessionError, Stop, pixels_of_mm,
+    Annotations, CurvePoint, DEFAULT_DPI, OpenOptions, Residence, ScaleBar, SessionError, Stop, pixels_of_mm,
     with_built_in,
 };
 use pumice_transport::LoadedScene;
@@ -261,16 +261,7 @@ pub(crate) fn render(
     let result = released(py, &job, || {
         let volumes = match volumes {
             Some(volumes) => volumes,
-            None => pumice_session::open_shown(
-                &scene,
-                None,
-                &OpenOptions::default(),
-                match memory_limit {
-                    None => pumice_session::Residence::Copied,
-                    limit => pumice_session::Residence::within(limit),
-                },
-                &job,
-            )?,
+            None => open_sources(&scene, memory_limit, &job)?,
         };
         let meshes = with_built_in(&scene, meshes)?;
         let scene = LoadedScene::new(scene, volumes, meshes)?;
@@ -282,6 +273,29 @@ pub(crate) fn render(
         Ok::<_, SessionError>(rendered)
     });
     told.result(result)
+}
+
+/// The volumes of a scene, in its order: copied, or from disk within a limit.
+fn open_sources(
+    scene: &pumice_scene::Scene,
+    memory_limit: Option<u64>,
+    job: &pumice_core::Job,
+) -> Result<Vec<Arc<CompressedVolume>>, SessionError> {
+    let residence = match memory_limit {
+        None => Residence::Copied,
+        limit => Residence::within(limit),
+    };
+    pumice_session::open_shown(scene, None, &OpenOptions::default(), residence, job)
+}
+
+/// As `open_sources`, without the interpreter.
+pub(crate) fn opened_sources(
+    py: Python<'_>,
+    scene: &pumice_scene::Scene,
+    memory_limit: Option<u64>,
+    job: &Arc<pumice_core::Job>,
+) -> PyResult<Vec<Arc<CompressedVolume>>> {
+    released(py, job, || open_sources(scene, memory_limit, job))
 }
 
 /// A function of the caller that is told the progress of a render, and the exception that it raised.

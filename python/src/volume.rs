@@ -24,6 +24,7 @@ use crate::array::{Array, Data};
 use crate::errors::{IntoException, input};
 use crate::job::{Job, job_of};
 use crate::label_table::{AnnotationTable, colors_of, columns_of};
+use crate::page_memory::PageMemory;
 use crate::waiting::{detached, released};
 
 /// An immutable volume in its compressed form.
@@ -151,7 +152,7 @@ impl Volume {
             "label_type": info.label_type,
             "world_from_index": info.world_from_index.to_cols_array(),
             "labels": v.labels().len(),
-            "boxes": v.boxes().len(),
+            "boxes": v.pages().map_or(v.boxes().len() as u64, |pages| pages.boxes()),
             "is_whole": v.is_whole(),
             "type_names": v.labels().type_names(),
             "time_step": v.frame().map(|of| of.number),
@@ -196,6 +197,7 @@ impl Volume {
             let n = bounds.len();
             let mut boxes = vec![0u32; n];
             self.0.for_each_box(|label, _| boxes[label as usize] += 1);
+            self.0.check_pages()?;
             let corner = |corners: Vec<[u32; 3]>| Array::new(Data::U32(corners.into_flattened()), &[n, 3]);
             Ok::<_, CoreError>((
                 corner(bounds.iter().map(|b| b.low).collect()),
@@ -282,6 +284,7 @@ impl Volume {
     /// Origins and extents in voxels, and labels, of all boxes.
     fn box_arrays(&self, py: Python<'_>) -> PyResult<(Array, Array, Array)> {
         detached(py, || {
+            self.0.require_boxes("a list of all boxes")?;
             let (mut origins, mut extents, mut labels) = (Vec::new(), Vec::new(), Vec::new());
             self.0.for_each_box(|label, b| {
                 origins.push(b.origin.map(|v| v as i32));
@@ -432,20 +435,25 @@ impl Volume {
 type Opened = (Volume, Vec<String>);
 
 /// Opens a `.pumice` file, or compresses a label volume of another format in memory; also returns the reader's warnings. If `labels` are
-/// given, only these are read from a `.pumice` file.
+/// given, only these are read from a `.pumice` file; with a `memory` it is drawn from disk.
 #[pyfunction]
-#[pyo3(signature = (path, *, labels=None, mapped=false, read_as, job=None))]
+#[pyo3(signature = (path, *, labels=None, mapped=false, memory=None, read_as, job=None))]
 pub(crate) fn open(
     py: Python<'_>,
     path: PathBuf,
     labels: Option<Vec<u64>>,
     mapped: bool,
+    memory: Option<&Bound<'_, PageMemory>>,
     read_as: ReadAs,
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Opened> {
     let job = job_of(job);
     let reading = reading(read_as)?;
-    let residence = if mapped { Residence::Mapped } else { Residence::Copied };
+    let residence = match memory {
+        Some(memory) => Residence::paged(&memory.get().0),
+        None if mapped => Residence::Mapped,
+        None => Residence::Copied,
+    };
     let volume = released(py, &job, || match &labels {
         None => pumice_session::open_volume(&path, &reading, residence, &job),
         Some(ids) => pumice_session::open_labels(&path, ids, &reading, &job),

@@ -23,7 +23,7 @@ ARGS = Path(__file__).parents[2] / "cli" / "src" / "args"
 
 # For each function the files with the flags of its subcommand, and the keywords that no flag has.
 COMMANDS = {
-    "open": (["figure", "reading"], {"mapped"}),
+    "open": (["figure", "reading"], {"mapped", "memory"}),
     "probe": (["info", "reading"], set()),
     "compress": (["compress", "reading"], {"source", "unit", "world_from_index", "names"}),
     "compress_file": (["compress", "reading"], {"source", "unit", "world_from_index", "names"}),
@@ -151,7 +151,7 @@ def test_a_wrong_docstring_is_found():
     assert len(PUBLIC) > 90 and "Volume.contacts" in PUBLIC and "Job.cancel" in PUBLIC and "Mesh.save" in PUBLIC
     raw = {"raw_dims", "raw_type", "raw_big_endian", "raw_offset"}
     store = {"scale", "roi", "label", "dataset", "missing_chunks", "relabel"}
-    assert arguments_of(pumice.open) == {"path", "labels", "mapped", "job", "layer", "time", "channel", "array", "axes", "spacing"} | raw | store
+    assert arguments_of(pumice.open) == {"path", "labels", "mapped", "memory", "job", "layer", "time", "channel", "array", "axes", "spacing"} | raw | store
     assert text_of(pumice.volume.MOST_FACES) == ""
 
 

@@ -72,6 +72,7 @@ def made(small, tmp_path_factory):
     picture = pumice.render(scene, volume, spp=1, backend="cpu")
     session = pumice.Session(scene, volume, spp=1, backend="cpu")
     renderer = pumice.Renderer(backend="cpu")
+    of_file = pumice.figure(pumice.open(folder / "v.pumice"), size=(8, 8))
     instance = {**scene.to_dict()["instances"][0], "id": 7}
     first = scene.to_dict()["instances"][0]["id"]
     placed = {"id": 1, "source": "m", "world_from_mesh": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], "materials": [material]}
@@ -160,6 +161,9 @@ def made(small, tmp_path_factory):
         "Renderer.render": (renderer.render, {**rendering, "growing": False, "growing_passes": False, "unfinished": False}),
         "Renderer.latest": (renderer.latest, {"after": 0}),
         "Session": (pumice.Session, {"scene": scene, "volumes": volume, "meshes": (), "backend": "cpu", "denoise": False, **limits}),
+        "Session of files": (pumice.Session, {"scene": of_file, "memory_limit": 1 << 30, "job": None, "spp": 1}),
+        "PageMemory": (pumice.PageMemory, {"limit": 1 << 30}),
+        "open in a memory": (pumice.open, {"path": folder / "v.pumice", "memory": pumice.PageMemory(1 << 30)}),
         "Session.edit": (lambda edit: session.edit(edit), {"edit": {"edit": "cuts", "cuts": []}}),
         "Session.set_labels": (session.set_labels, {"instance": first, **showing}),
         "Session.add": (session.add, {"instance": instance, "volume": volume}),
@@ -200,7 +204,8 @@ NAMES = [
     *["AnnotationTable.query", "AnnotationTable.read", "read_label_table", "query_labels", "LabelGroups", "LabelGroups.with_colors"],
     *["Mesh", "Mesh.open", "Mesh.save"],
     *["Scene.from_dict", "Scene.from_json", "Scene.load", "Scene.save", "Scene.with_labels", "figure", "figure of some"],
-    *["render", "Renderer", "Renderer.render", "Renderer.latest", "Session", "Session.edit", "Session.set_labels"],
+    *["render", "Renderer", "Renderer.render", "Renderer.latest", "Session", "Session of files"],
+    *["PageMemory", "open in a memory", "Session.edit", "Session.set_labels"],
     *["Session.add", "Session.add_mesh", "Session.latest", "Session.pick", "Picture.save", "cryptomatte_hash"],
     *["open_picture", "open_state", "Picture.pick", "Picture.srgb"],
     *["surface", "count_faces", "export", "agreement", "ReferencePicture", "ReferencePicture.of", "ReferencePicture.judge"],
@@ -212,7 +217,7 @@ def test_no_function_is_missing_here(made):
     functions = {name for name in pumice.__all__ if callable(getattr(pumice, name))}
     # Classes that only results have, what is raised, and what needs Blender.
     others = {"CoarseSurface", "CurvePoint", "Faces", "Frame", "Job", "LabelFilm", "LabelTable", "Pick", "PickedPixel"}
-    others |= {"Picture", "Scene", "Status", "Volume"}
+    others |= {"PageFigures", "Picture", "Scene", "Status", "Volume"}
     raised = {name for name in functions if name.endswith("Error")} | {"Cancelled", "PumiceWarning"}
     assert functions - others - raised - {"devices", "verify_render"} == {n for n in NAMES if "." not in n and " " not in n}
 

@@ -150,7 +150,7 @@ fn processor() -> String {
 /// # Errors
 /// Where another backend was named for such volumes.
 pub fn backend_for<'a>(scene: &LoadedScene, name: &'a str) -> Result<&'a str> {
-    if scene.volumes().iter().all(|volume| volume.pages().is_none()) {
+    if !fallback::is_paged(scene) {
         return Ok(name);
     }
     match name {

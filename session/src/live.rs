@@ -21,9 +21,10 @@ use pumice_core::{CompressedVolume, Job};
 use pumice_scene::{Scene, SceneEdit};
 use pumice_transport::{LoadedEdit, LoadedScene, Pick, RenderError, Renderer};
 
-use crate::backend::{FallbackRenderer, make_renderer};
+use crate::backend::{FallbackRenderer, backend_for, make_renderer};
 use crate::error::{Result, SessionError};
 use crate::progressive::Stop;
+use crate::render_file::PageFigures;
 use crate::threads::with_threads;
 
 pub use label_film::LabelFilm;
@@ -119,6 +120,8 @@ pub struct Status {
     pub notices: Vec<String>,
     /// Counters: `edits.KIND` received, `rebuilt.KIND` built by the renderer, `frames` published.
     pub counters: BTreeMap<String, u64>,
+    /// What is in memory of volumes that are drawn from disk, and was, since they were opened; `None` where all is in memory.
+    pub pages: Option<PageFigures>,
 }
 
 /// Most notices that are kept, so that a device that keeps failing does not fill the memory with them.
@@ -186,8 +189,9 @@ impl Live {
     /// Starts to draw `scene`. Returns at once.
     ///
     /// # Errors
-    /// When there is no such backend, or the thread cannot be started.
+    /// When there is no such backend, it was named for volumes that it cannot draw from disk, or the thread cannot be started.
     pub fn start(scene: LoadedScene, options: LiveOptions) -> Result<Self> {
+        backend_for(&scene, &options.backend)?;
         Self::draw(scene, make_renderer(&options.backend)?, options.stop, options.denoise)
     }
 
@@ -321,6 +325,7 @@ impl Live {
             device: board.device.clone(),
             notices: board.notices.clone(),
             counters: board.counters.clone(),
+            pages: PageFigures::of(board.scene.volumes()),
         }
     }
 

@@ -135,8 +135,13 @@ impl Residence {
     pub fn within(limit_bytes: Option<u64>) -> Self {
         match limit_bytes {
             None => Self::Mapped,
-            Some(limit) => Self::Paged { memory: Arc::new(Residency::new(limit)), page_voxels: PAGE_VOXELS },
+            Some(limit) => Self::paged(&Arc::new(Residency::new(limit))),
         }
+    }
+
+    /// On disk, in pages of the usual size, in a memory that volumes may share.
+    pub fn paged(memory: &Arc<Residency>) -> Self {
+        Self::Paged { memory: Arc::clone(memory), page_voxels: PAGE_VOXELS }
     }
 }
 

@@ -22,7 +22,7 @@ use crate::error::{Result, SessionError};
 use crate::live::{Frame, coarse_divisors, rebuilt_by_name, rows_from_bottom};
 use crate::measure::Stopwatch;
 use crate::progressive::{CurvePoint, Stop};
-use crate::render_file::{Rendered, check_memory, report, sampled, sky_hash_text};
+use crate::render_file::{PageFigures, Rendered, check_memory, report, sampled, sky_hash_text};
 
 /// Coarse frames take a third of the time of a sample. A picture of so many samples has all of them, at the cost of a hundredth…
 const SAMPLES_FOR_ALL_COARSE: u32 = 32;
@@ -152,6 +152,7 @@ impl PersistentRenderer {
         watch: &mut dyn FnMut(&CurvePoint),
     ) -> Result<Rendered> {
         check_memory(renderer, scene)?;
+        let pages_before = PageFigures::of(scene.volumes());
 
         // Something to see at once.
         let clock = Stopwatch::start();
@@ -204,7 +205,7 @@ impl PersistentRenderer {
             }
             sampling => sampling?,
         };
-        let mut rendered = report(renderer, scene, prepare_seconds, curve, picture, sky_hash);
+        let mut rendered = report(renderer, scene, pages_before, prepare_seconds, curve, picture, sky_hash);
         if let Some(fault) = pace.passes_fault {
             rendered.figures.notices.push(format!("passes were not shown while the picture grew: {fault}"));
         }

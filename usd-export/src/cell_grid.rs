@@ -67,6 +67,7 @@ impl CellGrid {
             }
         });
         job.check()?;
+        volume.check_pages()?;
         Ok(grid)
     }
 

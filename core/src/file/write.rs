@@ -57,6 +57,7 @@ impl CompressedVolume {
             let what = "only chosen labels were read of this volume; open all of it to save it";
             return Err(Error::Caller(format!("{path}: {what}")));
         }
+        self.require_boxes("a file of it")?;
         if let Some(crate::FrameOf { number, .. }) = self.frame {
             let path = path.display();
             let what = format!(

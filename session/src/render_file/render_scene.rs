@@ -3,7 +3,7 @@
 use std::collections::BTreeMap;
 use std::sync::Arc;
 
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::{CompressedVolume, Job, Residency};
 use pumice_picture::{Annotations, Denoiser, Picture, Provenance, film_memory};
 use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, RenderError, Renderer};
@@ -78,7 +78,7 @@ pub struct PageFigures {
     pub bytes_of_all: u64,
     /// Pages that there are.
     pub pages: u64,
-    /// Loads of pages, each time again.
+    /// Loads of pages, each time again, for the picture.
     pub loads: u64,
 }
 
@@ -86,16 +86,26 @@ pub struct PageFigures {
 const MANY_LOADS: u64 = 4;
 
 impl PageFigures {
-    /// Of the volumes of a scene, which share one memory.
-    fn of(volumes: &[Arc<CompressedVolume>]) -> Option<Self> {
-        let counts = volumes.iter().find_map(|volume| volume.pages())?.memory().counts();
-        Some(Self {
+    /// Of the volumes of a scene, which share one memory, since they were opened.
+    pub fn of(volumes: &[Arc<CompressedVolume>]) -> Option<Self> {
+        Some(Self::of_memory(volumes.iter().find_map(|volume| volume.pages())?.memory()))
+    }
+
+    /// Of all volumes that share a memory.
+    pub fn of_memory(memory: &Residency) -> Self {
+        let counts = memory.counts();
+        Self {
             limit_bytes: counts.limit_bytes,
             most_bytes: counts.most_held_bytes,
             bytes_of_all: counts.bytes_of_all,
             pages: counts.parts,
             loads: counts.loads,
-        })
+        }
+    }
+
+    /// The same with the loads of one picture, before which there were those of `before`.
+    fn since(self, before: Option<Self>) -> Self {
+        Self { loads: self.loads - before.map_or(0, |before| before.loads.min(self.loads)), ..self }
     }
 
     /// What the limit cost, where it cost much.
@@ -193,7 +203,7 @@ pub fn render_and_denoise(
     job: &Job,
     watch: &mut dyn FnMut(&CurvePoint),
 ) -> Result<Rendered> {
-    let clock = Stopwatch::start();
+    let (clock, pages_before) = (Stopwatch::start(), PageFigures::of(loaded.volumes()));
     let mut renderer = make_renderer(backend_for(loaded, backend)?)?;
     check_memory(&renderer, loaded)?;
     renderer.set_scene(loaded)?;
@@ -203,7 +213,7 @@ pub fn render_and_denoise(
         watch(point);
         Ok(())
     })?;
-    let mut rendered = report(&mut renderer, loaded, prepare_seconds, curve, picture, sky_hash);
+    let mut rendered = report(&mut renderer, loaded, pages_before, prepare_seconds, curve, picture, sky_hash);
     if denoise {
         rendered.denoise_with(&mut renderer)?;
     }
@@ -246,16 +256,18 @@ pub(crate) fn sampled(
     }
 }
 
-/// A picture with its provenance, and what it took. `sky_hash` is that of [`sky_hash_text`] when the scene was set.
+/// A picture with its provenance, and what it took. `sky_hash` is that of [`sky_hash_text`] when the scene was set, and `pages_before` tells
+/// of loads before the picture.
 pub(crate) fn report(
     renderer: &mut FallbackRenderer,
     loaded: &LoadedScene,
+    pages_before: Option<PageFigures>,
     prepare_seconds: [f64; 2],
     curve: Vec<CurvePoint>,
     mut picture: Picture,
     sky_hash: Option<String>,
 ) -> Rendered {
-    let pages = PageFigures::of(loaded.volumes());
+    let pages = PageFigures::of(loaded.volumes()).map(|pages| pages.since(pages_before));
     let mut notices = renderer.notices();
     notices.extend(pages.and_then(|pages| pages.notice()));
     let bytes: BTreeMap<_, _> = renderer.bytes().into_iter().collect();

@@ -18,7 +18,7 @@ use pumice_transport::{BoxBounds, RenderError};
 use super::super::TracedInstance;
 use super::VolumeTracer;
 use super::drawn_boxes::DrawnBoxes;
-use super::pages::{PagedBricks, refused};
+use super::pages::{Former, PagedBricks, refused};
 
 pub(super) fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
     [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])
@@ -46,7 +46,7 @@ impl VolumeTracer {
     /// As [`VolumeTracer::new`].
     pub fn in_bricks(instance: u32, traced: &TracedInstance) -> Result<Self, RenderError> {
         if let Some(pages) = traced.volume.pages() {
-            return Self::in_pages(instance, traced, pages);
+            return Self::in_pages(instance, traced, pages, None);
         }
         let is_tight = traced.lod == LodChoice::Voxels;
         Self::of_boxes(instance, traced, || Ok(DrawnBoxes::alone(&traced.volume, &traced.visible, is_tight)))?
@@ -54,8 +54,13 @@ impl VolumeTracer {
             .complete()
     }
 
-    /// [`VolumeTracer::in_bricks`] of a volume whose boxes are not in memory.
-    fn in_pages(instance: u32, traced: &TracedInstance, pages: &Arc<Pages>) -> Result<Self, RenderError> {
+    /// [`VolumeTracer::in_bricks`] of a volume whose boxes are not in memory; pages that `former` draws alike stay.
+    pub(super) fn in_pages(
+        instance: u32,
+        traced: &TracedInstance,
+        pages: &Arc<Pages>,
+        former: Option<Former<'_>>,
+    ) -> Result<Self, RenderError> {
         let TracedInstance { volume, visible, lod, .. } = traced;
         let level = match lod {
             LodChoice::Voxels => DetailLevel::Voxels,
@@ -64,7 +69,7 @@ impl VolumeTracer {
             LodChoice::Distance { .. } => return Err(refused("a level of detail by distance (--lod auto)")),
         };
         let is_tight = *lod == LodChoice::Voxels;
-        let (paged, drawn) = PagedBricks::new(volume, pages, visible, level, is_tight)?;
+        let (paged, drawn) = PagedBricks::new(volume, pages, visible, level, is_tight, former)?;
         let boxes = || Ok(DrawnBoxes::elsewhere(visible, &drawn, is_tight));
         let tracer = Self::of_boxes(instance, traced, boxes)?;
         Ok(Self { pages: paged.map(Arc::new), wants_bricks: true, ..tracer })

@@ -7,6 +7,8 @@
 //! the widest     few of them          of the few; the widest are kept        built of the few
 //! any            others               of these, the widest from now on       built
 //! ```
+//! Of a volume on disk, pages that have none of the labels that changed stay ([`super::pages`]).
+//!
 //! Every way draws the same picture, bit by bit.
 
 use std::sync::Arc;
@@ -16,6 +18,7 @@ use pumice_transport::geometry::visible_boxes::count_visible;
 
 use super::super::TracedInstance;
 use super::VolumeTracer;
+use super::pages::Former;
 
 /// Rays skip hidden boxes while at least one of so many boxes in the hierarchy is shown; below that a hierarchy of these alone is built.
 const MASKED_BOXES_A_SHOWN_ONE: u64 = 4;
@@ -57,8 +60,9 @@ impl VolumeTracer {
         instance: u32,
         traced: &TracedInstance,
     ) -> Result<(Self, bool), RenderError> {
-        if self.pages.is_some() {
-            return built(instance, traced, None);
+        if let Some(pages) = traced.volume.pages() {
+            let former = self.pages.as_deref().map(|paged| Former { paged, visible: before });
+            return Ok((Self::in_pages(instance, traced, pages, former)?, true));
         }
         let place = |tracer: &Self| tracer.again(instance, traced.world_from_index, traced.lod);
         let (labels, wide) = match &self.widest {
