@@ -112,8 +112,8 @@ pub fn radiance(
                 return total;
             }
             throughput /= most;
-        } else if around.settings.russian_roulette && vertex >= 2 && most < 1.0 {
-            let survival = most.max(0.05);
+        } else if around.settings.russian_roulette && vertex >= 2 && most < 0.25 {
+            let survival = (4.0 * most).max(0.05);
             if u >= survival {
                 return total;
             }
