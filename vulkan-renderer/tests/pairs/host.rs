@@ -116,6 +116,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
 const WIDE: &str = "the same operations with the SIMD instructions of a kind of CPU";
 const MASKS: &str =
     "a mask of all parts that a ray passes through; on a device a ray steps from part to part";
+const SAMPLE_BY_SAMPLE: &str = "keeps what a pixel's samples share; a device computes a sample at a time";
 const READY: &str = "prepared before a ray is traced, for both renderers";
 const READ: &str = "returns a field, which the shader reads directly";
 const IN_PARTS: &str = "saves memory on the host; on a device, parts and fields have what it finds";
@@ -252,14 +253,11 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     (
         "transport/src/sampler.rs",
         &[
-            (
-                "PixelSampler::set_sample",
-                "keeps what a pixel's samples share; a device computes a sample at a time",
-            ),
-            (
-                "PixelSampler::spread_set",
-                "keeps what a pixel's samples share; a device computes a sample at a time",
-            ),
+            ("PixelSampler::by_blocks", SAMPLE_BY_SAMPLE),
+            ("PixelSampler::set_sample", SAMPLE_BY_SAMPLE),
+            ("PixelSampler::make_block", SAMPLE_BY_SAMPLE),
+            ("PixelSampler::spread_set", SAMPLE_BY_SAMPLE),
+            ("scrambled_block", SAMPLE_BY_SAMPLE),
         ],
     ),
     (
@@ -335,6 +333,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "transport/src/geometry/instance_tree.rs",
         &[
             ("WorldBounds::new", READY),
+            (
+                "WorldBounds::are_missed",
+                "leaves out meshes that a ray cannot meet, for which the shader asks the hierarchy",
+            ),
             ("InstanceTree::new", READY),
             ("InstanceTree::bvh", READ),
             ("InstanceTree::bytes", COUNTED),
@@ -362,7 +364,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("MeshTracer::world_bounds", READY),
             ("MeshTracer::hierarchy_address", COUNTED),
             ("MeshTracer::bytes", COUNTED),
-            ("MeshTracer::leaves_all", "knows soon what the shader finds out triangle by triangle"),
+            ("MeshTracer::placed", READY),
+            ("MeshTracer::is_missed", "knows soon what the shader finds out triangle by triangle"),
             ("Geometry::excludes_all", READY),
         ],
     ),
@@ -782,7 +785,16 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         &[("order_table", "in_order"), ("Node::child_bounds", "child_may_hold")],
     ),
     ("picture/src/film.rs", &[("FilmBuffer::rows_mut", "film_add")]),
-    ("transport/src/sampler.rs", &[("mix", "mix64"), ("hashed_upward", "owen_scramble")]),
+    (
+        "transport/src/sampler.rs",
+        &[
+            ("mix", "mix64"),
+            ("hashed_upward", "owen_scramble"),
+            ("scrambled_upward", "scrambled_point"),
+            ("seeds_of", "scrambled_point"),
+            ("PixelSampler::alone", "sampler_set"),
+        ],
+    ),
     (
         "transport/src/trace.rs",
         // The trait declares these and the tracers implement them; the twin defines a hit.
