@@ -24,8 +24,8 @@ A module imports only from lines below its own:
     volume_object    picture_texture      missing_boxes        overlay              opening              color_ramp
     provenance           figure_frame         figure_part          proxy
     proxy_material
-    sync.*           registry             preferences          file_facts           label_carry          figure_settings
-    active_volume
+    sync.*           registry             file_facts           label_carry          figure_settings
+    preferences      active_volume
     label_table      properties           cache                devices              mesh_file            units
     file_paths       volume_place         table_writes         time_settings        file_series
     time_steps
