@@ -32,8 +32,8 @@ use crate::film_sample::{AovSample, ColorSample, FilmSample, PassWeights, Surfac
 /// than it saves time.
 const FIRST_ROULETTE: u32 = 2;
 
-/// Throughput below which a path may end; a path that survives goes on with it. Paths that carry more go on, because most leave the scene
-/// after a few surfaces anyway: ending them saves little time and costs much noise (`docs/error-against-time.md`, *Russian roulette*).
+/// Throughput below which Russian roulette may end a path; a path that survives has this throughput. Ending paths of higher throughput saves
+/// little time, because most leave the scene after a few surfaces, and adds much noise (`docs/error-against-time.md`, *Russian roulette*).
 const ROULETTE_THROUGHPUT: f32 = 0.25;
 
 /// Least survival probability, which bounds the weight of surviving paths.

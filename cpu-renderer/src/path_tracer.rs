@@ -19,8 +19,8 @@ use crate::path::{Surroundings, follow, radiance};
 /// Largest number of samples that each pixel gets between two looks at the clock.
 const MOST_SAMPLES_A_PASS: u32 = 64;
 
-/// Samples from which on a pass completes a block of [`CLASSES`] samples, however short the slice: a pixel's samples share random numbers
-/// and what rays read. A pass then makes the picture a quarter older at most, so that a live picture still grows.
+/// Samples from which on a pass completes a block of [`CLASSES`] samples, however short the slice: the samples of a pixel share work on
+/// random numbers, and their rays read the same memory. A live picture is then shown again at the latest when it has a quarter more samples.
 const FIRST_OF_BLOCKS: u32 = 16;
 
 /// Least number of samples of a pass for which a pixel's random numbers are made by blocks.

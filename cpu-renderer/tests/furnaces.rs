@@ -9,6 +9,8 @@
 mod furnace;
 mod naive;
 
+use std::time::Duration;
+
 use furnace::faulty::{self, Fault};
 use furnace::{
     FILM, Furnace, convex_body, even_sky, glowing_cavity, outside, painted_sky, rendered, sponge, white_world,
@@ -55,6 +57,18 @@ fn the_film_shows_the_mean_of_its_samples() {
     let of_samples = furnace.mean(&rendered).value;
     // Sixteen sums in f32.
     assert!((of_film / of_samples - 1.0).abs() < 16.0 * f64::from(f32::EPSILON), "{of_film} {of_samples}");
+}
+
+/// Passes add single samples up to 16, then complete blocks of four, but for a limit in between.
+#[test]
+fn from_sixteen_samples_on_a_pass_completes_a_block() {
+    let furnace = convex_body(even_sky(1.0), 0.7);
+    let mut tracer = PathTracer::new(furnace.dense.clone(), furnace.around.clone(), &furnace.camera, &FILM)
+        .expect("memory for the film");
+    let mut pass = |limit| tracer.advance(Duration::ZERO, limit, &Job::new()).expect("nobody cancels").spp;
+    let spp: Vec<u32> = (0..18).map(|_| pass(100)).collect();
+    assert_eq!(spp, (1..=16).chain([20, 24]).collect::<Vec<_>>());
+    assert_eq!([pass(26), pass(100), pass(100)], [26, 28, 32]);
 }
 
 /// The copy of the loop that carries the faults equals the renderer without them, sample by sample.

@@ -191,7 +191,7 @@ class PageMemory:
     """
     def __new__(cls, /, limit_bytes: SupportsIndex) -> PageMemory:
         """
-        Nothing yet.
+        An empty memory with this limit.
         """
     def figures(self, /) -> str:
         """

@@ -13,7 +13,7 @@ pub(crate) struct PageMemory(pub(crate) Arc<Residency>);
 
 #[pymethods]
 impl PageMemory {
-    /// Nothing yet.
+    /// An empty memory with this limit.
     #[new]
     fn new(limit_bytes: u64) -> Self {
         Self(Arc::new(Residency::new(limit_bytes)))

@@ -90,9 +90,7 @@ pub(crate) fn render_watched(
     let clock = Stopwatch::start();
     let mut curve: Vec<CurvePoint> = Vec::new();
     loop {
-        let left = stop.seconds.map_or(f64::INFINITY, |s| s - clock.seconds());
-        let slice = SLICE.min(Duration::from_secs_f64(left.clamp(0.0, 1.0)));
-        let limit = stop.spp.unwrap_or(u32::MAX).min(most_samples_in(left, curve.last()));
+        let (slice, limit) = next_slice(stop, clock.seconds(), curve.last());
         let progress = renderer.advance(slice, limit, job)?;
         let point = CurvePoint::of(&progress, &clock);
         watch(renderer, &point)?;
@@ -107,12 +105,20 @@ pub(crate) fn render_watched(
     }
 }
 
-/// Number of samples that `left` more seconds suffice for, at the pace until `last`, and one more at least: a renderer may add several
-/// samples before it looks at the clock.
-fn most_samples_in(left: f64, last: Option<&CurvePoint>) -> u32 {
-    let Some(last) = last.filter(|last| left.is_finite() && last.seconds > 0.0) else { return u32::MAX };
-    let more = (f64::from(last.spp) * left / last.seconds).max(1.0);
-    last.spp.saturating_add(more as u32)
+/// Time of the next call into the renderer, and the most samples that pixels may have after it, `seconds` after the start.
+///
+/// A pass over the picture may add several samples to each pixel. So that it does not go on far beyond a time limit, it gets as many as the
+/// time that is left suffices for, at the pace until `last`, but one at least.
+fn next_slice(stop: &Stop, seconds: f64, last: Option<&CurvePoint>) -> (Duration, u32) {
+    let left = stop.seconds.map_or(f64::INFINITY, |end| (end - seconds).max(0.0));
+    let limit = match last {
+        Some(last) if left.is_finite() && last.seconds > 0.0 => {
+            let more = (f64::from(last.spp) * left / last.seconds).max(1.0);
+            last.spp.saturating_add(more as u32)
+        }
+        _ => u32::MAX,
+    };
+    (SLICE.min(Duration::from_secs_f64(left.min(1.0))), stop.spp.unwrap_or(u32::MAX).min(limit))
 }
 
 /// At most `keep` points of a curve, evenly spread in log time, including the first and the last, for a table or a report.
@@ -148,12 +154,17 @@ mod tests {
     #[test]
     fn what_is_left_of_the_time_limits_the_samples() {
         let last = CurvePoint { spp: 16, ..point(4.0) };
-        assert_eq!(most_samples_in(1.0, Some(&last)), 20);
-        assert_eq!(most_samples_in(0.0, Some(&last)), 17);
-        assert_eq!(most_samples_in(-1.0, Some(&last)), 17);
-        assert_eq!(most_samples_in(f64::INFINITY, Some(&last)), u32::MAX);
-        assert_eq!(most_samples_in(1.0, None), u32::MAX);
-        assert_eq!(most_samples_in(1e300, Some(&last)), u32::MAX);
+        let next = |end: Option<f64>, spp: Option<u32>, last: Option<&CurvePoint>| {
+            next_slice(&Stop { seconds: end, spp, ..Stop::default() }, 4.0, last)
+        };
+        assert_eq!(next(Some(5.0), None, Some(&last)), (SLICE, 20));
+        assert_eq!(next(Some(5.0), Some(18), Some(&last)), (SLICE, 18));
+        for end in [4.0, 3.0] {
+            assert_eq!(next(Some(end), None, Some(&last)), (Duration::ZERO, 17));
+        }
+        assert_eq!(next(None, None, Some(&last)), (SLICE, u32::MAX));
+        assert_eq!(next(Some(4.1), None, None), (Duration::from_secs_f64(4.1 - 4.0), u32::MAX));
+        assert_eq!(next(Some(1e300), None, Some(&last)), (SLICE, u32::MAX));
     }
 
     /// Each limit by itself, just missed and just met.

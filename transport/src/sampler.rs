@@ -53,10 +53,10 @@ pub enum BounceSet {
 /// Number of sets of one bounce.
 pub const SETS_A_BOUNCE: u32 = 4;
 
-/// Samples whose numbers are made together: one of each class, which share the number of their block.
+/// Number of samples in a block, whose random numbers are made together: one sample of each class.
 const BLOCK: usize = CLASSES as usize;
 
-/// Sets whose numbers are made for a whole block: those that most samples of a pixel ask for.
+/// Number of sets whose random numbers are made for a whole block: those of the film and of four bounces, which most samples use.
 const KEPT: usize = 1 + 4 * SETS_A_BOUNCE as usize;
 
 /// The random numbers of one sample of one pixel.
@@ -109,7 +109,8 @@ impl PixelSampler {
         }
     }
 
-    /// The same numbers, made for whole blocks of samples: less work where most samples of a block are asked for, more where one is.
+    /// Sets whether random numbers are made for whole blocks of samples. They are the same, for less work where a pixel gets most samples of a
+    /// block, and for more where it gets one.
     #[must_use]
     pub fn by_blocks(self, by_blocks: bool) -> Self {
         Self { by_blocks, ..self }
@@ -252,7 +253,7 @@ fn scrambled_block(block: u32, key: u64, turn: u64, kept: u32, flips: [u32; 3]) 
     points
 }
 
-/// The second dimension's digits, from the lowest bit up, of the indices 0 to 3.
+/// Second dimension of the Sobol sequence at the indices 0 to 3, with digits that count from the lowest bit.
 const SECOND_OF_LOW: [u32; BLOCK] = [
     sobol_second(0).reverse_bits(),
     sobol_second(1).reverse_bits(),
@@ -260,7 +261,7 @@ const SECOND_OF_LOW: [u32; BLOCK] = [
     sobol_second(3).reverse_bits(),
 ];
 
-/// The fourth dimension's, likewise.
+/// Fourth dimension of the Sobol sequence at the indices 0 to 3, with digits that count from the lowest bit.
 const FOURTH_OF_LOW: [u32; BLOCK] = [
     sobol_fourth(0).reverse_bits(),
     sobol_fourth(1).reverse_bits(),
@@ -279,7 +280,7 @@ fn seeds_of(key: u64) -> [u32; 3] {
     ]
 }
 
-/// The Owen scramble of digits that count from the lowest bit, but for the digits `kept`.
+/// Owen scramble of digits that count from the lowest bit; the digits in the mask `kept` stay as they are.
 #[inline]
 fn scrambled_upward(value: u32, seed: u32, kept: u32) -> u32 {
     value & kept | hashed_upward(value, seed) & !kept
