@@ -328,3 +328,26 @@ fn check_that_tracers_share_a_limit() {
     let counts = memory.counts();
     assert!(counts.most_held_bytes <= limit && counts.loads > counts.parts, "{counts:?}");
 }
+
+/// The least limit that suffices for some labels suffices for fewer of them too, although both choices are there for a moment: the tables of
+/// the former one do not count.
+#[test]
+fn another_choice_of_labels_takes_the_place_of_the_former() {
+    let of_two_threads = || {
+        let (_, whole) = noise([256, 192, 128], 0.05, 500, 3);
+        let file = TestFile::of(&whole, CompressionLevel::Fast);
+        let (paged, _) = file.paged(64, 1);
+        let refused =
+            VolumeTracer::in_bricks(0, &instance(&paged, LodChoice::Voxels)).unwrap_err().to_string();
+        let (_, text) = refused.split_once("too few, ").unwrap();
+        let least: u64 = text.split_once(' ').unwrap().0.parse().unwrap();
+        let (paged, _) = file.paged(64, least);
+        let all = instance(&paged, LodChoice::Voxels);
+        let tracer = VolumeTracer::in_bricks(0, &all).unwrap();
+        let visible = all.visible.iter().zip(0..).map(|(&is, label)| is && label % 3 != 0).collect();
+        tracer.showing(&all.visible, 0, &TracedInstance { visible, ..all.clone() }).unwrap();
+        // Negative control: beside the former one, the other choice does not fit.
+        VolumeTracer::in_bricks(0, &all).unwrap_err();
+    };
+    rayon::ThreadPoolBuilder::new().num_threads(2).build().unwrap().install(of_two_threads);
+}

@@ -240,8 +240,8 @@ fn scrambled_block(block: u32, key: u64, turn: u64, kept: u32, flips: [u32; 3]) 
     let (second, fourth) = (sobol_second(high).reverse_bits(), sobol_fourth(high).reverse_bits());
     let values = [
         low.map(|low| high | low),
-        low.map(|low| second ^ SECOND_OF_LOW[low as usize]),
-        low.map(|low| fourth ^ FOURTH_OF_LOW[low as usize]),
+        low.map(|low| second ^ AT_LOW[low as usize]),
+        low.map(|low| fourth ^ AT_LOW[low as usize]),
     ];
     let (seeds, kept) = (seeds_of(key), kept.reverse_bits());
     let mut points = [[0; BLOCK]; 3];
@@ -253,20 +253,13 @@ fn scrambled_block(block: u32, key: u64, turn: u64, kept: u32, flips: [u32; 3]) 
     points
 }
 
-/// Second dimension of the Sobol sequence at the indices 0 to 3, with digits that count from the lowest bit.
-const SECOND_OF_LOW: [u32; BLOCK] = [
+/// Second dimension of the Sobol sequence at the indices 0 to 3, with digits that count from the lowest bit. The fourth dimension has the same
+/// numbers there, because both begin with the initial values 1 and 3.
+const AT_LOW: [u32; BLOCK] = [
     sobol_second(0).reverse_bits(),
     sobol_second(1).reverse_bits(),
     sobol_second(2).reverse_bits(),
     sobol_second(3).reverse_bits(),
-];
-
-/// Fourth dimension of the Sobol sequence at the indices 0 to 3, with digits that count from the lowest bit.
-const FOURTH_OF_LOW: [u32; BLOCK] = [
-    sobol_fourth(0).reverse_bits(),
-    sobol_fourth(1).reverse_bits(),
-    sobol_fourth(2).reverse_bits(),
-    sobol_fourth(3).reverse_bits(),
 ];
 
 /// Seeds of the scrambles of the three dimensions.
@@ -354,7 +347,7 @@ const fn sobol_second(index: u32) -> u32 {
 /// the index, as a polynomial in T, is expanded in powers of p: Σ p^q (a + b T + c T²) stands for three digits shifted by 3q, a·100 + b·110
 /// + c·001 in binary. Four levels do that, by T^3n = p^n + T^n + 1 for n = 8, 4, 2, 1.
 #[inline]
-const fn sobol_fourth(index: u32) -> u32 {
+fn sobol_fourth(index: u32) -> u32 {
     let mut x = index;
     x ^= (x >> 24) & 0x0000_00FF;
     x ^= (x >> 16) & 0x0000_FF00;
