@@ -1,5 +1,5 @@
-// Denoises a picture by averaging pixels that a statistical test cannot tell apart: twin of picture/src/denoise/mod.rs, guides.rs, light.rs
-// and welch.rs. An invocation does for one pixel what the host does for several side by side, in the same order, so that the bits are the
+// Denoises a picture by averaging pixels that a statistical test cannot tell apart: twin of picture/src/denoise/mod.rs, guides.rs, light.rs,
+// welch.rs and windows.rs. An invocation does for one pixel what the host does for several side by side, in the same order, so that the bits are the
 // same where quotients are rounded correctly.
 //
 // Whether a float is a number is told by its bits, because a device may take it for granted.
@@ -11,6 +11,8 @@
 #include "moments.glsl"
 
 const int RADIUS = 2;
+const int WIDE_STEP = 3;
+const float FEWEST = 1.5;
 const float ALBEDO_FLOOR = 0.01;
 const float NORMAL = 4.0;
 const float ALBEDO = 0.01;
@@ -31,10 +33,10 @@ struct Compared {
     uint instance;
 };
 
-// Sums over a window: of the weighted differences of light, and of the weights.
-struct Window {
-    vec3 light;
-    float weight;
+// Mean of the first window, and the variance of that mean.
+struct Mean {
+    vec3 mean;
+    vec3 variance;
 };
 
 // Whether the absolute value of a float is at most that of these bits; false for what is no number.
@@ -161,12 +163,13 @@ void pooled(Denoise picture, uvec2 at) {
     }
 }
 
-// The weight of a pixel whose mean differs by `d`. `own` and `other` are their variances, finite and not negative.
-float welch_test_weight(float t_squared[3], float d, float own, float other) {
+// The weight of a pixel whose mean differs by `d`, with `for_noise` less for a noisier one. `own` and `other` are their variances, finite and
+// not negative.
+float welch_test_weight(float t_squared[3], float d, float own, float other, bool for_noise) {
     precise float sum = own + other;
     precise float inverse = 1.0 / (sum + LEAST);
     precise float r = (own * own + other * other) * inverse * inverse;
-    precise float share = min((2.0 * own + LEAST) * inverse, 1.0);
+    precise float share = for_noise ? min((2.0 * own + LEAST) * inverse, 1.0) : 1.0;
     precise float bar = (t_squared[0] + r * (t_squared[1] + r * t_squared[2])) * sum;
     precise float squared = d * d;
     return squared <= bar ? share : 0.0;
@@ -179,15 +182,13 @@ float likeness(float normal, float albedo) {
     return result;
 }
 
-Compared filter_compared(Denoise picture, uint64_t pixel) {
-    Guide guide = guide_at(picture, pixel);
-    Floats variance = channels_of(picture.pooled_variance, pixel);
-    return Compared(vec3_of(light_at(picture, pixel).mean), vec3(variance.at[0], variance.at[1], variance.at[2]),
-        vec3_of(guide.normal), vec3_of(guide.albedo), guide.label, guide.instance);
+Compared compared(vec3 mean, Floats variance, Guide guide) {
+    return Compared(mean, vec3(variance.at[0], variance.at[1], variance.at[2]), vec3_of(guide.normal), vec3_of(guide.albedo), guide.label,
+        guide.instance);
 }
 
 // The weight of a pixel that takes part for another.
-float filter_weights(float t_squared[3], Compared p, Compared q) {
+float weights(float t_squared[3], Compared p, Compared q, bool for_noise) {
     if (p.label != q.label || p.instance != q.instance) {
         return 0.0;
     }
@@ -200,45 +201,122 @@ float filter_weights(float t_squared[3], Compared p, Compared q) {
         precise float of_albedo = q.albedo[c] - p.albedo[c];
         albedo += of_albedo * of_albedo;
         precise float d = q.mean[c] - p.mean[c];
-        weight = min(weight, welch_test_weight(t_squared, d, p.variance[c], q.variance[c]));
+        weight = min(weight, welch_test_weight(t_squared, d, p.variance[c], q.variance[c], for_noise));
     }
     precise float weighted = weight * likeness(normal, albedo);
     return weighted;
 }
 
-Window filter_window(Denoise picture, uvec2 at) {
-    Compared own = filter_compared(picture, pixel_number(picture.width, at));
-    precise vec3 light = vec3(0.0);
+Compared first_window_compared(Denoise picture, uint64_t pixel) {
+    vec3 mean = vec3_of(light_at(picture, pixel).mean);
+    return compared(mean, channels_of(picture.pooled_variance, pixel), guide_at(picture, pixel));
+}
+
+Mean first_window_mean_of(Denoise picture, uvec2 at) {
+    Compared own = first_window_compared(picture, pixel_number(picture.width, at));
     precise float weight = 0.0;
+    precise float squared_weight = 0.0;
+    precise vec3 light = vec3(0.0);
+    precise vec3 spread = vec3(0.0);
     ivec2 size = ivec2(picture.width, picture.height);
     ivec2 lowest = max(ivec2(at) - RADIUS, ivec2(0));
     ivec2 end = min(ivec2(at) + RADIUS + 1, size);
+    bool is_variance_known = picture.is_variance_known != 0u;
     for (int y = lowest.y; y < end.y; y++) {
         for (int x = lowest.x; x < end.x; x++) {
             uint64_t other = pixel_number(picture.width, uvec2(x, y));
             if (light_at(picture, other).takes_part == 0u) {
                 continue;
             }
-            Compared of = filter_compared(picture, other);
-            precise float of_weight = filter_weights(picture.t_squared, own, of);
+            Compared of = first_window_compared(picture, other);
+            precise float of_weight = weights(picture.t_squared, own, of, true);
             weight += of_weight;
-            light += of_weight * (of.mean - own.mean);
+            squared_weight += of_weight * of_weight;
+            precise vec3 d = of.mean - own.mean;
+            light += of_weight * d;
+            precise vec3 of_known = of_weight * of_weight * of.variance;
+            precise vec3 of_unknown = of_weight * d * d;
+            spread += is_variance_known ? of_known : of_unknown;
         }
     }
-    return Window(light, weight);
+    precise vec3 mean = own.mean;
+    precise vec3 variance = vec3(UNKNOWN);
+    precise float count = weight * weight / squared_weight;
+    for (uint c = 0u; c < 3u; c++) {
+        precise float shift = light[c] / weight;
+        mean[c] += shift;
+        if (is_variance_known) {
+            precise float of_mean = spread[c] / (weight * weight);
+            variance[c] = of_mean;
+        } else if (count >= FEWEST) {
+            precise float of_pixel = max(spread[c] / weight - shift * shift, 0.0);
+            precise float of_mean = min(of_pixel / (count - 1.0), UNKNOWN);
+            variance[c] = of_mean;
+        }
+    }
+    return Mean(mean, variance);
 }
 
-// Replaces the colour of a pixel that takes part.
-void filter_fill(Denoise picture, uvec2 at) {
+// Writes the mean of a pixel that takes part.
+void first_window_means(Denoise picture, uvec2 at) {
     uint64_t pixel = pixel_number(picture.width, at);
     if (light_at(picture, pixel).takes_part == 0u) {
         return;
     }
-    Window window = filter_window(picture, at);
+    Mean found = first_window_mean_of(picture, at);
+    Floats mean = channels_of(picture.smooth_mean, pixel);
+    Floats variance = channels_of(picture.variance, pixel);
+    for (uint c = 0u; c < 3u; c++) {
+        mean.at[c] = found.mean[c];
+        variance.at[c] = found.variance[c];
+    }
+}
+
+Compared wide_window_compared(Denoise picture, uint64_t pixel) {
+    Floats mean = channels_of(picture.smooth_mean, pixel);
+    vec3 of_mean = vec3(mean.at[0], mean.at[1], mean.at[2]);
+    return compared(of_mean, channels_of(picture.variance, pixel), guide_at(picture, pixel));
+}
+
+vec3 wide_window_shift(Denoise picture, uvec2 at) {
+    Compared own = wide_window_compared(picture, pixel_number(picture.width, at));
+    precise vec3 light = vec3(0.0);
+    precise float weight = 0.0;
+    ivec2 size = ivec2(picture.width, picture.height);
+    for (int row = -RADIUS; row <= RADIUS; row++) {
+        for (int column = -RADIUS; column <= RADIUS; column++) {
+            ivec2 place = ivec2(at) + WIDE_STEP * ivec2(column, row);
+            if (any(lessThan(place, ivec2(0))) || any(greaterThanEqual(place, size))) {
+                continue;
+            }
+            uint64_t other = pixel_number(picture.width, uvec2(place));
+            if (light_at(picture, other).takes_part == 0u) {
+                continue;
+            }
+            Compared of = wide_window_compared(picture, other);
+            precise float of_weight = weights(picture.wide_t_squared, own, of, false);
+            weight += of_weight;
+            light += of_weight * (of.mean - own.mean);
+        }
+    }
+    precise vec3 shift = light / weight;
+    return shift;
+}
+
+// Replaces the colour of a pixel that takes part.
+void wide_window_fill(Denoise picture, uvec2 at) {
+    uint64_t pixel = pixel_number(picture.width, at);
+    PixelLight light = light_at(picture, pixel);
+    if (light.takes_part == 0u) {
+        return;
+    }
+    vec3 shift = wide_window_shift(picture, at);
     Guide guide = guide_at(picture, pixel);
     Floats image = channels_of(picture.image, pixel);
+    Floats mean = channels_of(picture.smooth_mean, pixel);
     for (uint c = 0u; c < 3u; c++) {
-        precise float filtered = image.at[c] + divisor(guide.albedo[c]) * (window.light[c] / window.weight);
+        precise float first = mean.at[c] - light.mean[c];
+        precise float filtered = image.at[c] + divisor(guide.albedo[c]) * (first + shift[c]);
         image.at[c] = filtered;
     }
 }
@@ -263,7 +341,9 @@ void denoise_pixel(uvec2 in_tile) {
     } else if (launch.wanted == DENOISE_POOLED) {
         pooled(picture, at);
     } else if (launch.wanted == DENOISE_WINDOW) {
-        filter_fill(picture, at);
+        first_window_means(picture, at);
+    } else if (launch.wanted == DENOISE_WIDE) {
+        wide_window_fill(picture, at);
     }
 }
 

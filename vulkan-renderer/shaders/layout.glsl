@@ -361,6 +361,7 @@ const uint DENOISE_GUIDES = 0u;
 const uint DENOISE_LIGHT = 1u;
 const uint DENOISE_POOLED = 2u;
 const uint DENOISE_WINDOW = 3u;
+const uint DENOISE_WIDE = 4u;
 
 struct Denoise {
     Address surfaces;
@@ -371,12 +372,13 @@ struct Denoise {
     Address light;
     Address variance;
     Address pooled_variance;
+    Address smooth_mean;
     uint width;
     uint height;
     uint samples;
     uint is_variance_known;
     float t_squared[3];
-    uint reserved;
+    float wide_t_squared[3];
 };
 
 struct Guide {

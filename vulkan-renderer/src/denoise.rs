@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! first surfaces of a tile ──► Guides ──► guides ─────────────┐   once for a scene
-//! film's sums, or mean and variance ──► Light ──► light, variance ──► Pooled ──► Window ──► picture, 12 bytes a pixel, to the host
+//! film's sums, or mean and variance ──► Light ──► Pooled ──► Window ──► Wide ──► picture, 12 bytes a pixel, to the host
 //! ```
 //! Each arrow is a step ([`DenoiseStep`]) over the whole picture, in launches that are kept as short as those of samples. Mean and variance
 //! come from the sums on the device; the host sends them where it alone computes them: with shadow catchers, and during a pass that was
@@ -32,7 +32,7 @@ const GROUP: u32 = 8;
 pub struct DenoiseProgram {
     gpu: Gpu,
     pipeline: ComputePipeline,
-    slices: [Slices; 4],
+    slices: [Slices; 5],
 }
 
 impl DenoiseProgram {
@@ -42,7 +42,7 @@ impl DenoiseProgram {
     /// When the driver refuses it.
     pub fn new(gpu: &Gpu) -> Result<Self, DeviceError> {
         let pipeline = gpu.compute_pipeline(&denoise_words(gpu), &[])?;
-        Ok(Self { gpu: gpu.clone(), pipeline, slices: [Slices::default(); 4] })
+        Ok(Self { gpu: gpu.clone(), pipeline, slices: [Slices::default(); 5] })
     }
 
     /// Makes launches smaller, after memory was short or the device was lost.
@@ -91,7 +91,7 @@ pub enum Noisy<'a> {
     },
 }
 
-/// Memory for denoising pictures of one size, with the guides of a scene: 88 bytes a pixel.
+/// Memory for denoising pictures of one size, with the guides of a scene: 100 bytes a pixel.
 #[derive(Debug)]
 pub struct PictureDenoiser {
     size: [u32; 2],
@@ -101,6 +101,7 @@ pub struct PictureDenoiser {
     light: Buffer,
     variance: Buffer,
     pooled_variance: Buffer,
+    smooth_mean: Buffer,
 }
 
 impl PictureDenoiser {
@@ -120,6 +121,7 @@ impl PictureDenoiser {
             light: buffer("the denoiser's light", size_of::<PixelLight>() as u64)?,
             variance: buffer("the denoiser's variance", channels)?,
             pooled_variance: buffer("the denoiser's pooled variance", channels)?,
+            smooth_mean: buffer("the denoiser's means", channels)?,
         })
     }
 
@@ -131,6 +133,7 @@ impl PictureDenoiser {
             light: self.light.address(),
             variance: self.variance.address(),
             pooled_variance: self.pooled_variance.address(),
+            smooth_mean: self.smooth_mean.address(),
             width: self.size[0],
             height: self.size[1],
             ..Denoise::zeroed()
@@ -167,7 +170,7 @@ impl PictureDenoiser {
         Ok(())
     }
 
-    /// Denoises a picture into `pixels`, rows from the top. `test` is the one for the variance's degrees of freedom.
+    /// Denoises a picture into `pixels`, rows from the top. `test` is the first window's, for the variance's degrees of freedom.
     ///
     /// # Errors
     /// Those of the device; [`DeviceError::Limit`] where `pixels` are more than the picture has.
@@ -180,7 +183,8 @@ impl PictureDenoiser {
     ) -> Result<(), DeviceError> {
         // Describe the picture, and send what the host has of it.
         let gpu = program.gpu.clone();
-        let header = Denoise { t_squared: test.t_squared(), ..self.described() };
+        let wide_t_squared = WelchTest::wide().t_squared();
+        let header = Denoise { t_squared: test.t_squared(), wide_t_squared, ..self.described() };
         let header = match *noisy {
             Noisy::Film { sums, resting, samples } => Denoise {
                 sums: sums.address(),
@@ -200,7 +204,7 @@ impl PictureDenoiser {
         gpu.upload(&self.header, 0, bytemuck::bytes_of(&header))?;
 
         // Take the surfaces' colours out of the light, pool its variance, and average windows.
-        for step in [DenoiseStep::Light, DenoiseStep::Pooled, DenoiseStep::Window] {
+        for step in [DenoiseStep::Light, DenoiseStep::Pooled, DenoiseStep::Window, DenoiseStep::Wide] {
             program.run(&self.header, step, self.size)?;
         }
 
@@ -210,8 +214,8 @@ impl PictureDenoiser {
 
     /// Bytes on the device.
     pub fn bytes(&self) -> u64 {
-        let all =
-            [&self.header, &self.guides, &self.image, &self.light, &self.variance, &self.pooled_variance];
-        all.into_iter().map(Buffer::bytes).sum()
+        let of_light = [&self.light, &self.variance, &self.pooled_variance, &self.smooth_mean];
+        let all = [&self.header, &self.guides, &self.image].into_iter().chain(of_light);
+        all.map(Buffer::bytes).sum()
     }
 }

@@ -623,8 +623,10 @@ pub enum DenoiseStep {
     Light,
     /// Pools the variance of a pixel with those around it.
     Pooled,
-    /// Replaces the picture's pixel by the mean of its window.
+    /// Finds the mean of a pixel's first window and the variance of that mean.
     Window,
+    /// Replaces the picture's pixel by the mean of its wide window.
+    Wide,
 }
 
 /// A picture that is denoised. Arrays have an element for each pixel, rows from the top, unless another order is said.
@@ -643,10 +645,13 @@ pub struct Denoise {
     pub image: Address,
     /// [`PixelLight`]s.
     pub light: Address,
-    /// Variance of each channel: of the mean until [`DenoiseStep::Light`], of the light after it.
+    /// Variance of each channel: of the mean until [`DenoiseStep::Light`], of the light after it, of the first window's means after
+    /// [`DenoiseStep::Window`].
     pub variance: Address,
     /// Variance of the light that [`DenoiseStep::Pooled`] finds, three floats a pixel.
     pub pooled_variance: Address,
+    /// Means that [`DenoiseStep::Window`] finds, three floats a pixel.
+    pub smooth_mean: Address,
     /// Width of the picture in pixels.
     pub width: u32,
     /// Height of the picture in pixels.
@@ -655,10 +660,10 @@ pub struct Denoise {
     pub samples: u32,
     /// 0 where no variance is known; then `variance` is not read.
     pub is_variance_known: u32,
-    /// `WelchTest::t_squared`.
+    /// `WelchTest::t_squared` of the first window's test.
     pub t_squared: [f32; 3],
-    /// 0.
-    pub reserved: u32,
+    /// The same of the wide window's.
+    pub wide_t_squared: [f32; 3],
 }
 
 /// The first surface of a pixel: one pixel of `pumice_picture::Guides`.

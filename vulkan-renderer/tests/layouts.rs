@@ -346,12 +346,13 @@ fn twins() -> Vec<Layout> {
                 light,
                 variance,
                 pooled_variance,
+                smooth_mean,
                 width,
                 height,
                 samples,
                 is_variance_known,
                 t_squared,
-                reserved,
+                wide_t_squared,
             }
         ),
         twin!("Guide", Guide { normal, albedo, label, instance, is_surface }),
@@ -463,6 +464,7 @@ fn constants_are_the_shaders() {
         ("DENOISE_LIGHT", DenoiseStep::Light as u64),
         ("DENOISE_POOLED", DenoiseStep::Pooled as u64),
         ("DENOISE_WINDOW", DenoiseStep::Window as u64),
+        ("DENOISE_WIDE", DenoiseStep::Wide as u64),
     ];
     assert_eq!(declared, expected.map(|(name, value)| (name.to_owned(), value)));
 }

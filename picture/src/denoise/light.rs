@@ -3,16 +3,16 @@
 use pumice_core::NoMemory;
 use rayon::prelude::*;
 
+use super::divisor;
 use super::guides::Guides;
-use super::planes::{LANES, Triple, lanes};
-use super::{RADIUS, divisor};
+use super::planes::{LANES, MARGIN, Triple, lanes};
 use crate::image::Image;
 
 /// Light above this, whose squares are beyond single precision, takes no part.
 const MOST_LIGHT: f32 = 1e18;
 
 /// Stands for a variance that is not known: the test then accepts any difference below a thousand million.
-const UNKNOWN: f32 = 1e18;
+pub(super) const UNKNOWN: f32 = 1e18;
 
 /// Mean and variance of the light of each pixel.
 pub(super) struct Light {
@@ -82,7 +82,7 @@ fn pooled(own: &Triple, takes_part: &[f32], guides: &Guides) -> Result<Triple, N
             }
             for c in 0..3 {
                 let alone = lanes(&own[c], at);
-                let pooled = &mut planes[c][RADIUS + x..][..LANES];
+                let pooled = &mut planes[c][MARGIN + x..][..LANES];
                 for lane in 0..LANES {
                     let mean = sum[c][lane] / count[c][lane].max(1.0);
                     pooled[lane] = alone[lane].max(mean);

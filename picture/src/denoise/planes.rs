@@ -1,7 +1,7 @@
 //! Numbers of all pixels, one plane for each number, with room around the rows so that a window never leaves them.
 //!
 //! ```text
-//! a row:  RADIUS zeroes │ width values │ zeroes up to a multiple of LANES, and RADIUS more
+//! a row:  MARGIN zeroes │ width values │ zeroes up to a multiple of LANES, and MARGIN more
 //! ```
 //! The filter takes LANES pixels beside each other at a time, of each plane one load at any offset, and compilers make vector instructions of
 //! loops over them. What lies in the room around takes no part: it is 0 there as well.
@@ -11,7 +11,10 @@ use pumice_core::NoMemory;
 use pumice_core::reserve::zeroed;
 use rayon::prelude::*;
 
-use super::RADIUS;
+use super::{RADIUS, WIDE_STEP};
+
+/// Room beside a row: how far the wide window reaches.
+pub(super) const MARGIN: usize = RADIUS * WIDE_STEP;
 
 /// Pixels that are filtered together.
 pub(super) const LANES: usize = 8;
@@ -32,12 +35,12 @@ pub(super) struct Layout {
 impl Layout {
     /// Values from one row to the next.
     pub(super) fn stride(self) -> usize {
-        self.width.next_multiple_of(LANES) + 2 * RADIUS
+        self.width.next_multiple_of(LANES) + 2 * MARGIN
     }
 
     /// Where the pixel (x, y) lies in a plane.
     pub(super) fn place(self, x: usize, y: usize) -> usize {
-        y * self.stride() + RADIUS + x
+        y * self.stride() + MARGIN + x
     }
 
     /// A plane of zeroes.
@@ -59,7 +62,7 @@ impl Layout {
         let mut plane = self.zeroes()?;
         plane.par_chunks_mut(self.stride()).enumerate().for_each(|(y, row)| {
             let (first, place) = (y * self.width, self.place(0, y));
-            let pixels = &mut row[RADIUS..][..self.width];
+            let pixels = &mut row[MARGIN..][..self.width];
             pixels.iter_mut().enumerate().for_each(|(x, value)| *value = of(first + x, place + x));
         });
         Ok(plane)

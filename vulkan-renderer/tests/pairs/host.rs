@@ -515,6 +515,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "picture/src/denoise/welch.rs",
         &[
             ("WelchTest::of", "coefficients of t²: prepared before a picture is denoised"),
+            ("WelchTest::wide", "coefficients of t²: prepared before a picture is denoised"),
             ("WelchTest::new", "coefficients of t²: prepared before a picture is denoised"),
             ("WelchTest::t_squared", READ),
         ],
