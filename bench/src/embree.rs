@@ -31,8 +31,6 @@ use crate::ray_sets::{camera_rays, diffuse_rays, some_labels, voxel_side};
 use crate::table::{Row, TableFlags};
 use crate::timing::clocked;
 
-/// Share of the labels that are shown, in per cent.
-const SHOWN_PERCENT: u32 = 15;
 /// Rounds of each kind of ray; in each round the programs take turns.
 const ROUNDS: usize = 7;
 /// Height above the face it leaves at which a ray for Embree starts, in units of the voxel's shortest side. Without it the ray hits that
@@ -43,7 +41,7 @@ const SAME_PLANE: f64 = 1e-4;
 
 /// The same rays through Embree, which gets the voxels' faces as quads
 ///
-/// Shows 15 % of the labels and traces the rays of a camera and a diffuse ray from each hit, on one thread. Needs Embree 3 and a C compiler.
+/// Traces the rays of a camera and a diffuse ray from each hit, on one thread. Needs Embree 3 and a C compiler.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
@@ -54,6 +52,9 @@ pub(crate) struct Flags {
     /// Pixels of the camera along each side, a multiple of 8
     #[arg(long, value_name = "N", default_value = "1024", value_parser = side)]
     side: u64,
+    /// Shares of the labels that are shown, in per cent, one after another
+    #[arg(long, value_name = "N,…", value_delimiter = ',', default_value = "15", value_parser = clap::value_parser!(u32).range(1..=100))]
+    percent: Vec<u32>,
 }
 
 fn side(text: &str) -> std::result::Result<u64, String> {
@@ -66,7 +67,9 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     let driver = build_driver(folder.path(), flags.embree.as_deref())?;
     let mut rows = Vec::new();
     for volume in &flags.table.volumes {
-        rows.extend(measure_embree(volume, &driver, flags.side, job)?);
+        for &percent in &flags.percent {
+            rows.extend(measure_embree(volume, &driver, flags.side, percent, job)?);
+        }
     }
     flags.table.show("embree", &rows, console)?;
     Ok(Outcome::Holds)
@@ -94,6 +97,8 @@ impl Rate {
 pub struct EmbreeRays {
     /// The volume's file name.
     pub volume: String,
+    /// Share of the labels that are shown, in per cent.
+    pub percent: u32,
     /// Boxes of the labels shown.
     pub boxes: usize,
     /// Number of faces in Embree's mesh.
@@ -118,16 +123,23 @@ pub struct EmbreeRays {
     pub embree: Rate,
 }
 
-/// Measures camera rays and diffuse rays from their hits on one volume. `driver` is the compiled program with Embree.
+/// Measures camera rays and diffuse rays from their hits on one volume, of which `percent` per cent of the labels are shown. `driver` is the
+/// compiled program with Embree.
 ///
 /// # Errors
 /// Errors of the volume or of the program with Embree; rays whose hits differ between rounds; the job's cancellation.
-pub fn measure_embree(path: &Path, driver: &Path, side: u64, job: &Job) -> Result<Vec<EmbreeRays>> {
+pub fn measure_embree(
+    path: &Path,
+    driver: &Path,
+    side: u64,
+    percent: u32,
+    job: &Job,
+) -> Result<Vec<EmbreeRays>> {
     // Open only the shown labels, as a scene does. Embree gets no faces of other labels either.
     let folder = scratch()?;
     let file = |name: &str| folder.path().join(name);
     let volume = open_volume(path, &OpenOptions::default(), Residence::Copied, job)?;
-    let visible = some_labels(volume.labels().len(), SHOWN_PERCENT);
+    let visible = some_labels(volume.labels().len(), percent);
     volume.save(&file("volume.pumice"), CompressionLevel::Fast, job)?;
     drop(volume);
     let shown = CompressedVolume::open_labels(&file("volume.pumice"), |_| visible.clone(), job)?;
@@ -175,6 +187,7 @@ pub fn measure_embree(path: &Path, driver: &Path, side: u64, job: &Job) -> Resul
         let [ours, boxes_alone, by_embree] = compared.seconds.map(|s| Rate::of(rays.len(), s));
         rows.push(EmbreeRays {
             volume: file_name(path),
+            percent,
             boxes: bricks.instance(0).map_or(0, |i| i.boxes()),
             quads,
             bytes: [volume_bytes + bricks.bytes(), volume_bytes + boxes.bytes(), embree.bytes],
@@ -261,6 +274,7 @@ impl Row for EmbreeRays {
         let [ours, boxes_alone, theirs] = self.bytes;
         vec![
             ("volume", self.volume.clone()),
+            ("labels shown", format!("{} %", self.percent)),
             ("boxes shown", self.boxes.to_string()),
             ("quads", self.quads.to_string()),
             (
