@@ -37,8 +37,8 @@ pub const STRIDE: usize = 3 * R;
 /// Degrees of freedom of a pixel's variance, which comes from the spread of the classes' means.
 pub const DEGREES_OF_FREEDOM: f64 = (CLASSES - 1) as f64;
 
-/// Rows that one thread estimates at a time.
-const ROWS_A_BLOCK: usize = 32;
+/// Rows of the strips that the estimate of the error is added up from: one column of pixels wide, in blocks of this height from the top.
+pub const STRIP_ROWS: usize = 32;
 
 /// A film's [variance](FilmBuffer::variance) with its degrees of freedom.
 pub fn variance_known(of_mean: &Image) -> Variance<'_> {
@@ -62,8 +62,20 @@ pub struct FilmBuffer {
     kept: PassSums,
     /// Samples in each pixel of a row, by row: rows differ only after a cancelled pass.
     row_samples: Vec<u32>,
+    /// The rows in which some pixels have more than that: a device was interrupted there.
+    interrupted: Option<Interrupted>,
     /// Which pixels rest, if adaptive sampling is on.
     pub(crate) resting: Option<Resting>,
+}
+
+/// Rows in which an unfinished pass has come as far as a column.
+#[derive(Clone, Debug)]
+struct Interrupted {
+    rows: Range<usize>,
+    /// Pixels from the left that the pass has done.
+    columns: usize,
+    /// Samples that they have.
+    samples: u32,
 }
 
 /// One row of the film, to which samples are added.
@@ -101,7 +113,7 @@ impl FilmBuffer {
         let pixels = width * height;
         let (sums, pass_sums) = (zeroed(pixels * STRIDE, &what)?, zeroed(pixels * kept.stride(), &what)?);
         let row_samples = zeroed(height, &what)?;
-        Ok(Self { width, height, sums, pass_sums, kept, row_samples, resting: None })
+        Ok(Self { width, height, sums, pass_sums, kept, row_samples, interrupted: None, resting: None })
     }
 
     /// Which sums of passes the film keeps.
@@ -122,7 +134,9 @@ impl FilmBuffer {
     /// Samples of one pixel, by its number from the upper left.
     pub fn samples_of(&self, pixel: usize) -> u32 {
         let most = self.resting.as_ref().map_or(u32::MAX, |r| r.rested()[pixel]);
-        self.row_samples[pixel / self.width].min(most)
+        let (x, y) = (pixel % self.width, pixel / self.width);
+        let ahead = self.interrupted.as_ref().filter(|at| x < at.columns && at.rows.contains(&y));
+        ahead.map_or(self.row_samples[y], |at| at.samples).min(most)
     }
 
     /// Removes all samples. From now on pixels rest by this rule, if there is one.
@@ -151,7 +165,26 @@ impl FilmBuffer {
     /// All sums, to be overwritten with those that such a device returns, of `samples` samples in every pixel.
     pub fn sums_mut(&mut self, samples: u32) -> &mut [f32] {
         self.row_samples.fill(samples);
+        self.interrupted = None;
         &mut self.sums
+    }
+
+    /// Says that these sums are of a pass that was interrupted on its way to `samples` samples: it has done all rows above `rows`, and
+    /// in these the pixels left of the column `columns`.
+    pub fn interrupted_at(&mut self, samples: u32, rows: Range<usize>, columns: usize) {
+        let done = rows.start.min(self.height);
+        self.row_samples[..done].fill(samples);
+        self.interrupted = Some(Interrupted { rows, columns, samples });
+    }
+
+    /// Number of pixels.
+    pub fn pixels(&self) -> usize {
+        self.width * self.height
+    }
+
+    /// Number of strips that the estimate of the error is added up from.
+    pub fn strips(&self) -> usize {
+        self.width * self.height.div_ceil(STRIP_ROWS)
     }
 
     /// Pixels across and down.
@@ -173,11 +206,17 @@ impl FilmBuffer {
         self.sums.fill(0.0);
         self.pass_sums.fill(0.0);
         self.row_samples.fill(0);
+        self.interrupted = None;
     }
 
     /// Samples of the pixels that do not rest; if rows differ, of those with the fewest.
     pub fn spp(&self) -> u32 {
         self.row_samples.iter().copied().min().unwrap_or(0)
+    }
+
+    /// Mean over pixels of the samples that each has after a complete pass to `spp` samples.
+    pub fn mean_spp_at(&self, spp: u32) -> f64 {
+        self.resting.as_ref().map_or(f64::from(spp), |resting| resting.mean_spp_at(spp))
     }
 
     /// Mean over pixels of the samples that each has.
@@ -257,30 +296,33 @@ impl FilmBuffer {
         collected_by_threads((0..self.width * self.height).into_par_iter().map(of), PICTURE)
     }
 
-    /// Estimated relative error of the mean of some rows; infinite with less than one sample per class.
+    /// Estimated relative error of the whole picture; infinite with less than one sample per class.
     ///
     /// μ² = w·(m² − var)⁺ + (1 − w)·a², w = m² / (m² + 16 var), where a is the mean of the up to 8 pixels around,
     /// without the pixel itself: a rare bright sample must not raise the value that its error is divided by.
-    pub fn error_estimate_of(&self, rows: Range<usize>) -> f64 {
-        let rows = rows.start..rows.end.min(self.height);
-        if self.spp() < CLASSES || rows.is_empty() {
+    pub fn error_estimate(&self) -> f64 {
+        if self.spp() < CLASSES {
             return f64::INFINITY;
         }
-        // Blocks of fixed height, added in order, give the same result for any number of threads.
-        let blocks: Vec<Range<usize>> = rows
-            .clone()
-            .step_by(ROWS_A_BLOCK)
-            .map(|start| start..(start + ROWS_A_BLOCK).min(rows.end))
-            .collect();
-        let sums: Vec<f64> = blocks.into_par_iter().map(|block| self.squared_errors_of(block)).collect();
-        (sums.iter().sum::<f64>() / (rows.len() * self.width * 3) as f64).sqrt()
+        let blocks: Vec<usize> = (0..self.height.div_ceil(STRIP_ROWS)).collect();
+        let strips: Vec<Vec<f64>> =
+            blocks.into_par_iter().map(|block| self.squared_errors_of(block)).collect();
+        self.error_of_strips(&strips.concat())
     }
 
-    /// Sum of var / (μ² + floor) over the pixels and channels of some rows.
-    fn squared_errors_of(&self, rows: Range<usize>) -> f64 {
+    /// The estimate from the sums of all strips, block by block. They are added in this order, so that it does not depend on the number
+    /// of threads, or on who found the sums.
+    pub fn error_of_strips(&self, strips: &[f64]) -> f64 {
+        let blocks = strips.chunks(self.width.max(1)).map(|strips| strips.iter().sum::<f64>());
+        (blocks.sum::<f64>() / (self.height * self.width * 3) as f64).sqrt()
+    }
+
+    /// For each strip of a block the sum of var / (μ² + floor) over its channels and pixels.
+    fn squared_errors_of(&self, block: usize) -> Vec<f64> {
         let (width, height) = (self.width, self.height);
+        let rows = block * STRIP_ROWS..((block + 1) * STRIP_ROWS).min(height);
         let (first, last) = (rows.start.saturating_sub(1), (rows.end + 1).min(height));
-        let mut sum = 0.0;
+        let mut sums = vec![0.0; width];
         let mut moments = vec![(0.0, 0.0); (last - first) * width];
         for channel in 0..3 {
             for (i, m) in moments.iter_mut().enumerate() {
@@ -288,7 +330,7 @@ impl FilmBuffer {
                 *m = self.moments(pixel, channel, self.samples_of(pixel));
             }
             for y in rows.clone() {
-                for x in 0..width {
+                for (x, sum) in sums.iter_mut().enumerate() {
                     let (mean, var) = moments[(y - first) * width + x];
                     if var == 0.0 {
                         continue;
@@ -305,15 +347,34 @@ impl FilmBuffer {
                     around /= f64::max(n, 1.0);
                     let certain = mean * mean / (mean * mean + 16.0 * var);
                     let square = certain * (mean * mean - var).max(0.0) + (1.0 - certain) * around * around;
-                    sum += var / (square + FLOOR);
+                    *sum += var / (square + FLOOR);
                 }
             }
         }
-        sum
+        sums
     }
+}
 
-    /// Estimated relative error of the whole picture.
-    pub fn error_estimate(&self) -> f64 {
-        self.error_estimate_of(0..self.height)
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// A pass from 4 to 8 samples has done the rows above the fourth, and in the eight from there on two of four pixels. Each pixel has as
+    /// much light as samples.
+    #[test]
+    fn pixels_of_an_interrupted_pass_have_their_own_samples() {
+        let has_eight = |pixel: usize| pixel / 4 < 4 || pixel % 4 < 2;
+        let mut film = FilmBuffer::new(4, 12).unwrap();
+        for (pixel, sums) in film.sums_mut(4).chunks_exact_mut(STRIDE).enumerate() {
+            sums.fill(if has_eight(pixel) { 2.0 } else { 1.0 });
+        }
+        assert!(film.mean().unwrap().pixels.iter().any(|p| *p != [1.0; 3]), "all have four");
+        film.interrupted_at(8, 4..12, 2);
+        assert!((0..48).all(|pixel| film.samples_of(pixel) == if has_eight(pixel) { 8 } else { 4 }));
+        assert!(film.mean().unwrap().pixels.iter().all(|p| *p == [1.0; 3]));
+        assert_eq!((film.spp(), film.mean_spp()), (4, (32.0 * 8.0 + 16.0 * 4.0) / 48.0));
+        assert_eq!(film.error_estimate(), 0.0);
+        film.sums_mut(8);
+        assert_eq!((film.spp(), film.mean_spp()), (8, 8.0));
     }
 }

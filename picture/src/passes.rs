@@ -176,6 +176,11 @@ impl FilmBuffer {
         Ok(Image::new(width, height, self.means(|of| [0, 1, 2].map(|c| of(place + c)))?))
     }
 
+    /// Whether the picture has alpha.
+    pub fn has_alpha(&self) -> bool {
+        self.kept().alpha || self.kept().shadow_apart
+    }
+
     /// Share of the samples that hit a surface, if it is kept; it includes the caught shadows.
     ///
     /// # Errors

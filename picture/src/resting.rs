@@ -62,6 +62,12 @@ impl Resting {
         self.rule
     }
 
+    /// Mean over pixels of the samples that each has, where those that do not rest have `spp`.
+    pub(crate) fn mean_spp_at(&self, spp: u32) -> f64 {
+        let sum: u64 = self.rested.iter().map(|&rested| u64::from(rested.min(spp))).sum();
+        sum as f64 / self.rested.len().max(1) as f64
+    }
+
     /// Heap bytes.
     pub(crate) fn bytes(&self) -> u64 {
         self.rested.len() as u64 * 4

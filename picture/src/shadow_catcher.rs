@@ -164,8 +164,7 @@ impl FilmBuffer {
 
     /// Its alpha; `None` where it is opaque.
     pub(crate) fn caught_alpha(&self) -> Result<Option<Vec<f32>>, NoMemory> {
-        let has = self.kept().alpha || self.kept().shadow_apart;
-        has.then(|| self.of_seen(|seen| seen.alpha as f32)).transpose()
+        self.has_alpha().then(|| self.of_seen(|seen| seen.alpha as f32)).transpose()
     }
 
     /// The share of the catchers' light that is not blocked.

@@ -357,6 +357,21 @@ struct FirstRecord {
 };
 
 // What `denoise` does with each pixel, by `Launch.wanted`.
+const uint RESOLVE_COLOR = 0u;
+const uint RESOLVE_ALPHA = 1u;
+const uint RESOLVE_SQUARED_ERRORS = 2u;
+
+struct Resolve {
+    Address sums;
+    Address pass_sums;
+    Address resting;
+    Address result;
+    uint width;
+    uint height;
+    uint samples;
+    uint pass_stride;
+};
+
 const uint DENOISE_GUIDES = 0u;
 const uint DENOISE_LIGHT = 1u;
 const uint DENOISE_POOLED = 2u;
@@ -428,6 +443,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Ray
 layout(buffer_reference, scalar, buffer_reference_align = 8) buffer HitRecords { HitRecord at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer FirstRecords { FirstRecord at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer DenoiseRef { Denoise it; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer ResolveRef { Resolve it; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer Guides { Guide at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 4) buffer PixelLights { PixelLight at[]; };
 

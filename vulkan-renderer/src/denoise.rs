@@ -19,21 +19,15 @@ use pumice_picture::denoise::WelchTest;
 use pumice_picture::film::CLASSES;
 use pumice_picture::metrics::Variance;
 
-use crate::device::{Buffer, ComputePipeline, DeviceError, Gpu};
-use crate::layout::{Denoise, DenoiseStep, Guide, Launch, PixelLight, SurfaceAovsRecord};
+use crate::device::{Buffer, DeviceError, Gpu};
+use crate::layout::{Denoise, DenoiseStep, Guide, PixelLight, SurfaceAovsRecord};
 use crate::shaders::denoise_words;
-use crate::slices::{Cursor, Slices, Tile};
+use crate::slices::Tile;
+use crate::steps::Steps;
 
-/// Workgroup size of the shader, across and down.
-const GROUP: u32 = 8;
-
-/// The compiled shader, and launch sizes of its steps, which differ in cost.
+/// The compiled shader.
 #[derive(Debug)]
-pub struct DenoiseProgram {
-    gpu: Gpu,
-    pipeline: ComputePipeline,
-    slices: [Slices; 5],
-}
+pub struct DenoiseProgram(Steps<5>);
 
 impl DenoiseProgram {
     /// Compiles the shader.
@@ -41,32 +35,12 @@ impl DenoiseProgram {
     /// # Errors
     /// When the driver refuses it.
     pub fn new(gpu: &Gpu) -> Result<Self, DeviceError> {
-        let pipeline = gpu.compute_pipeline(&denoise_words(gpu), &[])?;
-        Ok(Self { gpu: gpu.clone(), pipeline, slices: [Slices::default(); 5] })
+        Ok(Self(Steps::new(gpu, &denoise_words(gpu), "a launch of the denoiser")?))
     }
 
     /// Makes launches smaller, after memory was short or the device was lost.
     pub(crate) fn shrink(&mut self) {
-        self.slices.iter_mut().for_each(|slices| {
-            slices.shrink();
-        });
-    }
-
-    fn launch(&self, header: &Buffer, step: DenoiseStep, tile: &Tile) -> Result<Duration, DeviceError> {
-        let launch = Launch { input: header.address(), wanted: step as u32, ..tile.launch() };
-        let groups = [tile.width, tile.height].map(|n| n.div_ceil(GROUP));
-        self.gpu.dispatch("a launch of the denoiser", &self.pipeline, &launch, groups)
-    }
-
-    /// Does a step for all pixels of a picture.
-    fn run(&mut self, header: &Buffer, step: DenoiseStep, size: [u32; 2]) -> Result<(), DeviceError> {
-        let mut at = Cursor::default();
-        while let Some((tile, after)) = self.slices[step as usize].next(size, at, 1) {
-            let taken = self.launch(header, step, &tile)?;
-            self.slices[step as usize].learn(tile.pixels(), 1, taken.as_secs_f64());
-            at = after;
-        }
-        Ok(())
+        self.0.shrink();
     }
 }
 
@@ -77,7 +51,7 @@ pub enum Noisy<'a> {
     Film {
         /// `STRIDE` floats a pixel.
         sums: &'a Buffer,
-        /// Which pixels rest, as in [`Launch::resting`].
+        /// Which pixels rest, as in [`crate::layout::Launch::resting`].
         resting: Option<&'a Buffer>,
         /// Samples of each pixel that does not rest.
         samples: u32,
@@ -151,8 +125,8 @@ impl PictureDenoiser {
         tile: &Tile,
     ) -> Result<Duration, DeviceError> {
         let header = Denoise { surfaces: surfaces.address(), ..self.described() };
-        program.gpu.upload(&self.header, 0, bytemuck::bytes_of(&header))?;
-        program.launch(&self.header, DenoiseStep::Guides, tile)
+        program.0.gpu.upload(&self.header, 0, bytemuck::bytes_of(&header))?;
+        program.0.launch(&self.header, DenoiseStep::Guides as usize, tile)
     }
 
     /// Makes the guides of the whole picture from first surfaces on the host, rows from the top.
@@ -164,7 +138,7 @@ impl PictureDenoiser {
         program: &DenoiseProgram,
         surfaces: &[SurfaceAovsRecord],
     ) -> Result<(), DeviceError> {
-        let surfaces = program.gpu.buffer_of("first surfaces", bytemuck::cast_slice(surfaces))?;
+        let surfaces = program.0.gpu.buffer_of("first surfaces", bytemuck::cast_slice(surfaces))?;
         let [width, height] = self.size;
         self.guide(program, &surfaces, &Tile { x: 0, y: 0, width, height })?;
         Ok(())
@@ -182,7 +156,7 @@ impl PictureDenoiser {
         pixels: &mut [[f32; 3]],
     ) -> Result<(), DeviceError> {
         // Describe the picture, and send what the host has of it.
-        let gpu = program.gpu.clone();
+        let gpu = program.0.gpu.clone();
         let wide_t_squared = WelchTest::wide().t_squared();
         let header = Denoise { t_squared: test.t_squared(), wide_t_squared, ..self.described() };
         let header = match *noisy {
@@ -205,7 +179,7 @@ impl PictureDenoiser {
 
         // Take the surfaces' colours out of the light, pool its variance, and average windows.
         for step in [DenoiseStep::Light, DenoiseStep::Pooled, DenoiseStep::Window, DenoiseStep::Wide] {
-            program.run(&self.header, step, self.size)?;
+            program.0.run(&self.header, step as usize, self.size)?;
         }
 
         // Read the result.

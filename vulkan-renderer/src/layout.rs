@@ -25,7 +25,7 @@ pub struct Launch {
     /// [`SceneHeader`].
     pub scene: Address,
     /// `trace_rays`: [`RayRecord`]s. `probe`: words. `path`: sums of render passes of the whole film, `PassSums::stride` floats a
-    /// pixel; 0 where the film keeps none. `denoise`: [`Denoise`].
+    /// pixel; 0 where the film keeps none. `denoise`: [`Denoise`]. `resolve`: [`Resolve`].
     pub input: Address,
     /// `trace_rays`: [`HitRecord`]s. `probe`: words. `path`: sums of the whole film, `STRIDE` floats a pixel, rows from the top.
     /// `first`: [`SurfaceAovsRecord`]s or [`HitRecord`]s, in the order of the tile's pixels.
@@ -35,7 +35,7 @@ pub struct Launch {
     /// `path`: one word a pixel of the film, the samples with which it rests (has converged), or 0 where it does not rest; 0 where no pixel
     /// rests.
     pub resting: Address,
-    /// `path`, `first`, `denoise`: left edge of the tile in pixels of the film.
+    /// `path`, `first`, `denoise`, `resolve`: left edge of the tile in pixels of the film; in strips for [`ResolveStep::SquaredErrors`].
     pub tile_x: u32,
     /// Upper edge.
     pub tile_y: u32,
@@ -49,7 +49,8 @@ pub struct Launch {
     pub samples: u32,
     /// `trace_rays`, `probe`: how many rays or inputs there are.
     pub count: u32,
-    /// What `first` writes: 0 [`SurfaceAovsRecord`]s, 1 [`HitRecord`]s (their t is the depth). `denoise`: [`DenoiseStep`].
+    /// What `first` writes: 0 [`SurfaceAovsRecord`]s, 1 [`HitRecord`]s (their t is the depth). `denoise`: [`DenoiseStep`]. `resolve`:
+    /// [`ResolveStep`].
     pub wanted: u32,
 }
 
@@ -611,6 +612,40 @@ pub struct SurfaceAovsRecord {
     pub albedo: [f32; 3],
     pub normal: [f32; 3],
     pub position: [f32; 3],
+}
+
+/// What `resolve` finds, by [`Launch::wanted`].
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+#[repr(u32)]
+pub enum ResolveStep {
+    /// Mean of a pixel's samples: three floats.
+    Color,
+    /// Share of a pixel's samples that hit a surface: a float.
+    Alpha,
+    /// Sum of the squared relative errors in a strip of the film: a double.
+    SquaredErrors,
+}
+
+/// A film that is resolved. Arrays have an element for each pixel, rows from the top.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]
+#[repr(C)]
+pub struct Resolve {
+    /// Sums of the film, `STRIDE` floats a pixel.
+    pub sums: Address,
+    /// Sums of passes, `pass_stride` floats a pixel; the first is alpha's for [`ResolveStep::Alpha`].
+    pub pass_sums: Address,
+    /// Which pixels rest, as [`Launch::resting`].
+    pub resting: Address,
+    /// What is found, in the order of the pixels, or of the strips.
+    pub result: Address,
+    /// Width of the film in pixels.
+    pub width: u32,
+    /// Height of the film in pixels.
+    pub height: u32,
+    /// Samples of each pixel that does not rest.
+    pub samples: u32,
+    /// `PassSums::stride`.
+    pub pass_stride: u32,
 }
 
 /// What `denoise` does with each pixel of its tile, by [`Launch::wanted`].

@@ -16,11 +16,13 @@ mod machine;
 pub mod pack;
 pub mod program;
 mod renderer;
+pub mod resolve;
 mod scene;
 mod sent;
 mod shaders;
 mod shown;
 mod slices;
+mod steps;
 
 pub use renderer::VulkanRenderer;
 pub use sent::Sent;

@@ -5,6 +5,7 @@ use std::path::PathBuf;
 use crate::denoise::DenoiseProgram;
 use crate::device::{Backend, Buffer, Candidate, DeviceError, Gpu, Instance};
 use crate::program::Program;
+use crate::resolve::ResolveProgram;
 use crate::shaders::{Entry, program};
 use crate::slices::Slices;
 
@@ -31,6 +32,8 @@ pub(crate) struct DeviceContext {
     programs: Vec<(Entry, Vec<u32>, Program)>,
     /// The denoiser, once a picture was denoised.
     denoiser: Option<DenoiseProgram>,
+    /// What resolves films, once one was.
+    resolving: Option<ResolveProgram>,
 }
 
 impl DeviceContext {
@@ -45,6 +48,7 @@ impl DeviceContext {
             slices_of_firsts: Slices::of_records(),
             programs: Vec::new(),
             denoiser: None,
+            resolving: None,
         })
     }
 
@@ -65,15 +69,12 @@ impl DeviceContext {
 
     /// The denoiser; compiles it on first use.
     pub(crate) fn denoiser(&mut self) -> Result<&mut DenoiseProgram, DeviceError> {
-        let made = match self.denoiser.take() {
-            Some(made) => made,
-            None => {
-                let made = self.gpu.compiling(|| DenoiseProgram::new(&self.gpu))?;
-                self.gpu.save_pipelines();
-                made
-            }
-        };
-        Ok(self.denoiser.insert(made))
+        made_once(&self.gpu, &mut self.denoiser, DenoiseProgram::new)
+    }
+
+    /// What resolves films; compiles it on first use.
+    pub(crate) fn resolving(&mut self) -> Result<&mut ResolveProgram, DeviceError> {
+        made_once(&self.gpu, &mut self.resolving, ResolveProgram::new)
     }
 
     /// After memory was short: frees what can be made again, and makes launches smaller.
@@ -82,10 +83,28 @@ impl DeviceContext {
         self.slices.shrink();
         self.slices_of_firsts.shrink();
         self.denoiser.iter_mut().for_each(DenoiseProgram::shrink);
+        self.resolving.iter_mut().for_each(ResolveProgram::shrink);
     }
 
     /// Bytes of scratch memory that programs hold on the device.
     pub(crate) fn scratch_bytes(&self) -> u64 {
         self.programs.iter().map(|(_, _, p)| p.scratch_bytes()).sum()
     }
+}
+
+/// A program that is compiled on first use.
+fn made_once<'a, T>(
+    gpu: &Gpu,
+    place: &'a mut Option<T>,
+    compile: impl FnOnce(&Gpu) -> Result<T, DeviceError>,
+) -> Result<&'a mut T, DeviceError> {
+    let made = match place.take() {
+        Some(made) => made,
+        None => {
+            let made = gpu.compiling(|| compile(gpu))?;
+            gpu.save_pipelines();
+            made
+        }
+    };
+    Ok(place.insert(made))
 }

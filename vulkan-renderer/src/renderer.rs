@@ -2,7 +2,7 @@
 //!
 //! **Failures.** Each failure of the device is handled once. Where memory was short, everything that can be made again is freed and
 //! launches become smaller. Where the device was lost, it is opened again, the scene is sent again and the samples of the host's copy are
-//! restored. A hang, and a second failure without a success in between, is [`RenderError::Device`]: another backend may take over with the
+//! restored; what it had since is drawn again where it is asked for. A hang, and a second failure without a success in between, is [`RenderError::Device`]: another backend may take over with the
 //! scene and the volumes, which the host still holds.
 
 use std::path::PathBuf;
@@ -99,7 +99,7 @@ impl VulkanRenderer {
         // Any call may be the first to report that the device is lost.
         if !self.machine.gpu.is_lost() && !matches!(error, DeviceError::Lost(_)) {
             self.notices.push(format!("{error}; trying again with smaller launches"));
-            self.shown.iter_mut().for_each(Shown::drop_denoiser);
+            self.shown.iter_mut().for_each(Shown::drop_scratch);
             self.machine.shrink();
             return Ok(());
         }
@@ -123,24 +123,72 @@ impl VulkanRenderer {
         RenderError::Device(format!("{} on {}: {error}", self.how.backend, self.how.candidate.name))
     }
 
+    /// Does work that the device may fail at; `None` where a failure was handled, and it is to be tried again.
+    fn once<T, E: Into<UploadError>>(
+        &mut self,
+        work: &mut impl FnMut(&mut Shown, &mut DeviceContext) -> Result<T, E>,
+    ) -> Result<Option<T>, RenderError> {
+        let shown = self.shown.as_mut().ok_or_else(no_scene)?;
+        match work(shown, &mut self.machine).map_err(E::into) {
+            Ok(done) => {
+                self.failed = false;
+                Ok(Some(done))
+            }
+            Err(UploadError::Device(e)) => self.overcome(&e).map(|()| None),
+            Err(UploadError::Scene(e)) => Err(e),
+        }
+    }
+
     /// Does work that the device may fail at, and does it again after a first failure.
     fn twice<T, E: Into<UploadError>>(
         &mut self,
         mut work: impl FnMut(&mut Shown, &mut DeviceContext) -> Result<T, E>,
     ) -> Result<T, RenderError> {
         loop {
-            let shown = self.shown.as_mut().ok_or_else(no_scene)?;
-            match work(shown, &mut self.machine) {
-                Ok(done) => {
-                    self.failed = false;
-                    return Ok(done);
-                }
-                Err(e) => match e.into() {
-                    UploadError::Device(e) => self.overcome(&e)?,
-                    UploadError::Scene(e) => return Err(e),
-                },
+            if let Some(done) = self.once(&mut work)? {
+                return Ok(done);
             }
         }
+    }
+
+    /// As [`Self::twice`], for what the film has: samples that were lost with the device are drawn again before the second time.
+    fn of_film<T, E: Into<UploadError>>(
+        &mut self,
+        mut work: impl FnMut(&mut Shown, &mut DeviceContext) -> Result<T, E>,
+    ) -> Result<T, RenderError> {
+        let spp = self.spp()?;
+        if let Some(done) = self.once(&mut work)? {
+            return Ok(done);
+        }
+        self.sample(None, spp, &Job::new())?;
+        // Launches that succeeded do not make this failure the first one again.
+        self.failed = true;
+        self.twice(work)
+    }
+
+    /// Adds samples until pixels have `spp_limit` or rest, or until a time; at least one sample.
+    fn sample(&mut self, end: Option<Instant>, spp_limit: u32, job: &Job) -> Result<(), RenderError> {
+        loop {
+            self.twice(|shown, machine| shown.film.look(&machine.gpu))?;
+            let film = &self.shown.as_ref().ok_or_else(no_scene)?.film;
+            let (start, spp) = (Instant::now(), film.spp);
+            let (look, all_rest) = (film.copy().next_look(), film.copy().all_rest());
+            if spp >= spp_limit || all_rest {
+                break;
+            }
+            let left = end.map_or(f64::INFINITY, |end| end.saturating_duration_since(start).as_secs_f64());
+            let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
+            let most = MOST_SAMPLES_A_PASS.min(self.machine.slices.most_samples());
+            let most = most.min(spp_limit.min(look) - spp);
+            self.pass(spp + fit.clamp(1, most), job)?;
+            let now = Instant::now();
+            let added = self.spp()?.saturating_sub(spp).max(1);
+            self.seconds_a_sample = (now - start).as_secs_f64() / f64::from(added);
+            if end.is_some_and(|end| now >= end) {
+                break;
+            }
+        }
+        self.twice(|shown, machine| shown.film.look(&machine.gpu))
     }
 
     /// Brings every pixel to `target` samples. Continues a pass that was cancelled.
@@ -190,56 +238,35 @@ impl Renderer for VulkanRenderer {
     }
 
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
-        let end = Instant::now() + slice;
-        loop {
-            self.twice(|shown, machine| shown.film.look(&machine.gpu))?;
-            let film = &self.shown.as_ref().ok_or_else(no_scene)?.film;
-            let (start, spp) = (Instant::now(), film.spp);
-            let (look, all_rest) = (film.copy().next_look(), film.copy().all_rest());
-            if spp >= spp_limit || all_rest {
-                break;
-            }
-            let left = end.saturating_duration_since(start).as_secs_f64();
-            let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
-            let most = MOST_SAMPLES_A_PASS.min(self.machine.slices.most_samples());
-            let most = most.min(spp_limit.min(look) - spp);
-            self.pass(spp + fit.clamp(1, most), job)?;
-            let now = Instant::now();
-            let added = self.spp()?.saturating_sub(spp).max(1);
-            self.seconds_a_sample = (now - start).as_secs_f64() / f64::from(added);
-            if now >= end {
-                break;
-            }
-        }
-        self.twice(|shown, machine| {
-            shown.film.look(&machine.gpu)?;
-            Ok::<_, UploadError>(shown.film.read(&machine.gpu)?)
-        })?;
-        let film = self.shown.as_ref().ok_or_else(no_scene)?.film.copy();
+        self.sample(Some(Instant::now() + slice), spp_limit, job)?;
+        self.of_film(|shown, machine| shown.film.keep(&machine.gpu))?;
+        let error_estimate = self.of_film(|shown, machine| shown.film.error_estimate(machine))?;
+        let film = &self.shown.as_ref().ok_or_else(no_scene)?.film;
         Ok(Progress {
-            spp: film.spp(),
+            spp: film.spp,
             mean_spp: film.mean_spp(),
-            error_estimate: film.error_estimate(),
-            all_rest: film.all_rest(),
+            error_estimate,
+            all_rest: film.copy().all_rest(),
         })
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {
-        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().mean()?)
+        self.of_film(|shown, machine| shown.film.color(machine))
     }
 
     fn alpha(&mut self) -> Result<Option<Vec<f32>>, RenderError> {
-        Ok(self.shown.as_ref().ok_or_else(no_scene)?.film.copy().alpha()?)
+        self.of_film(|shown, machine| shown.film.alpha(machine))
     }
 
     fn variance(&mut self) -> Result<Option<Image>, RenderError> {
+        self.of_film(|shown, machine| shown.film.read(&machine.gpu))?;
         let film = self.shown.as_ref().ok_or_else(no_scene)?.film.copy();
         Ok((film.spp() >= CLASSES).then(|| film.variance()).transpose()?)
     }
 
     fn picture(&mut self) -> Result<Picture, RenderError> {
         self.shown.as_ref().ok_or_else(no_scene)?.check_memory()?;
-        self.twice(|shown, machine| shown.picture(machine))
+        self.of_film(|shown, machine| shown.picture(machine))
     }
 
     fn denoised(&mut self) -> Result<Option<Image>, RenderError> {

@@ -80,6 +80,11 @@ pub(crate) fn denoise_words(gpu: &Gpu) -> Vec<u32> {
     words(spirv!("denoise.comp", gpu.candidate().native_f64))
 }
 
+/// SPIR-V of what resolves the film, in the variant with native doubles where the device has them.
+pub(crate) fn resolve_words(gpu: &Gpu) -> Vec<u32> {
+    words(spirv!("resolve.comp", gpu.candidate().native_f64))
+}
+
 /// Creates the program of an entry on a device.
 pub(crate) fn program(gpu: &Gpu, entry: Entry, constants: &[u32]) -> Result<Program, DeviceError> {
     let Modules { main, miss_and_box } = Modules::of(gpu, entry);

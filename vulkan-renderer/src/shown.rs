@@ -141,6 +141,7 @@ impl Shown {
         let program = machine.program(Entry::Path, &Entry::Path.constants(self.needs))?;
         let taken = program.run("a launch of samples", &launch, [tile.width, tile.height])?;
         machine.slices.learn(tile.pixels(), samples, taken.as_secs_f64());
+        film.add_time(taken);
         job.advance(tile.pixels() * u64::from(samples));
         film.pass = Some((target, after));
         if after.y >= film.size[1] {
@@ -185,8 +186,9 @@ impl Shown {
         Ok(film_memory::check(&scene.film, copy.kept(), scene.settings.adaptive, copy.bytes())?)
     }
 
-    /// The picture so far: colours from the host's copy of the film, render passes from the device.
-    pub(crate) fn picture(&self, machine: &mut DeviceContext) -> Result<Picture, UploadError> {
+    /// The picture so far: colours from the whole film, which the host reads, first surfaces from the device.
+    pub(crate) fn picture(&mut self, machine: &mut DeviceContext) -> Result<Picture, UploadError> {
+        self.film.read(&machine.gpu)?;
         let firsts = self.firsts(machine, 0, &Job::new(), SurfaceAovsRecord::clone)?;
         let [width, height] = self.film.size.map(|n| n as usize);
         let image = |f: fn(&SurfaceAovsRecord) -> [f32; 3]| {
@@ -283,13 +285,17 @@ impl Shown {
             Some(made) => made,
             None => self.guided(machine)?,
         };
+        // The host composites shadow catchers, and knows the samples of each pixel in an unfinished pass.
+        let on_host = self.film.copy().kept().caught || self.film.pass.is_some();
+        if on_host {
+            self.film.read(&machine.gpu)?;
+        }
         let (film, memory) = (&self.film, RenderError::from);
         let [width, height] = film.size.map(|n| n as usize);
         let mut pixels = zeroed(width * height, "denoiser: its picture").map_err(memory)?;
         let copy = film.copy();
         let test = |samples| WelchTest::of((samples >= CLASSES).then_some(DEGREES_OF_FREEDOM));
-        // The host composites shadow catchers, and its copy is the picture where the device has gone on.
-        if copy.kept().caught || film.pass.is_some() || copy.spp() != film.spp {
+        if on_host {
             let mean = copy.mean().map_err(memory)?;
             let variance = (copy.spp() >= CLASSES).then(|| copy.variance()).transpose().map_err(memory)?;
             let noisy = Noisy::Host { mean: &mean, variance: variance.as_ref().map(variance_known) };
@@ -321,6 +327,12 @@ impl Shown {
     /// Frees the memory for denoising, which can be made again.
     pub(crate) fn drop_denoiser(&mut self) {
         self.denoiser = None;
+    }
+
+    /// Frees all memory that can be made again.
+    pub(crate) fn drop_scratch(&mut self) {
+        self.drop_denoiser();
+        self.film.drop_resolver();
     }
 
     /// Bytes on the device by part.

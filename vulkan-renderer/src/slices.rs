@@ -19,7 +19,7 @@ const AIM_SECONDS: f64 = 0.05;
 pub(crate) const MOST_SECONDS: f64 = 0.1;
 
 /// Rows of a band.
-const BAND: u32 = 8;
+pub(crate) const BAND: u32 = 8;
 
 /// Samples of the first launch on an unknown device: some milliseconds on the slowest known device.
 const FIRST_SAMPLES: f64 = 256.0;

@@ -20,8 +20,8 @@ use pumice_vulkan::layout::{
     Brick, BrickBlock, BrickPart, Camera, Chunk, Cone, CutPlane, Denoise, DenoiseStep, EmissiveInstance,
     EmissiveTriangle, Emitter, Emitters, Environment, Filter, Guide, HitRecord, Instance, InstanceTree,
     LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES, Lamp, Launch, LightNode, LightTree, Lights, Material, NONE,
-    PixelLight, Question, RayRecord, SCRATCH_BYTES, SceneHeader, Settings, Sun, SurfaceAovsRecord,
-    SurfaceRecord,
+    PixelLight, Question, RayRecord, Resolve, ResolveStep, SCRATCH_BYTES, SceneHeader, Settings, Sun,
+    SurfaceAovsRecord, SurfaceRecord,
 };
 use pumice_vulkan::pack::ShaderNeeds;
 use reflection::{Field, Layout, constants_read, layouts};
@@ -355,6 +355,7 @@ fn twins() -> Vec<Layout> {
                 wide_t_squared,
             }
         ),
+        twin!("Resolve", Resolve { sums, pass_sums, resting, result, width, height, samples, pass_stride }),
         twin!("Guide", Guide { normal, albedo, label, instance, is_surface }),
         twin!("PixelLight", PixelLight { mean, takes_part }),
         twin!("BvhNode", BvhNode { origin, exponents_and_inner, first_child, first_item, meta, lo, hi }),
@@ -460,6 +461,9 @@ fn constants_are_the_shaders() {
         ("QUESTION_FIRST_HIT", Question::FirstHit as u64),
         ("QUESTION_OCCLUDED", Question::Occluded as u64),
         ("QUESTION_NEXT_BOUNDARY", Question::NextBoundary as u64),
+        ("RESOLVE_COLOR", ResolveStep::Color as u64),
+        ("RESOLVE_ALPHA", ResolveStep::Alpha as u64),
+        ("RESOLVE_SQUARED_ERRORS", ResolveStep::SquaredErrors as u64),
         ("DENOISE_GUIDES", DenoiseStep::Guides as u64),
         ("DENOISE_LIGHT", DenoiseStep::Light as u64),
         ("DENOISE_POOLED", DenoiseStep::Pooled as u64),

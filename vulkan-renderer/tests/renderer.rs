@@ -28,6 +28,8 @@ mod floor;
 mod labels;
 #[path = "renderer/lost.rs"]
 mod lost;
+#[path = "renderer/resolve.rs"]
+mod resolve;
 
 /// A program with all parts takes a minute to compile for a CPU, so it has one day in eight.
 fn besides() -> Vec<PartSet> {

@@ -17,6 +17,8 @@ mod floor;
 mod passes;
 #[path = "../../cpu-renderer/tests/renderer/resting.rs"]
 mod resting;
+#[path = "renderer/sums_stay.rs"]
+mod sums_stay;
 
 fn renderer() -> Validated {
     Validated::open_sorting(Backend::Compute)

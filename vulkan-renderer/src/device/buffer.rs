@@ -325,6 +325,7 @@ impl Gpu {
             piece.copy_from_slice(unsafe { std::slice::from_raw_parts(pointer, piece.len()) });
             at += piece.len() as u64;
         }
+        self.inner.downloaded.fetch_add(bytes.len() as u64, Ordering::Relaxed);
         Ok(())
     }
 

@@ -55,6 +55,8 @@ pub(super) struct Inner {
     pub(super) cache: PipelineCache,
     /// Bytes of device memory that are allocated.
     pub(super) allocated: AtomicU64,
+    /// Bytes that were copied to the host.
+    pub(super) downloaded: AtomicU64,
     /// Number of live buffers, each with an allocation of its own.
     pub(super) buffers: AtomicU64,
     /// Floating-point modes that shaders can be given on this device.
@@ -208,6 +210,7 @@ impl Gpu {
             faults: Faults::default(),
             cache: PipelineCache::none(),
             allocated: AtomicU64::new(0),
+            downloaded: AtomicU64::new(0),
             buffers: AtomicU64::new(0),
             float_modes: FloatModes::of(functions, physical),
             // SAFETY: one queue of that family was asked for.
@@ -261,6 +264,11 @@ impl Gpu {
     /// Bytes of device memory that are allocated.
     pub fn allocated_bytes(&self) -> u64 {
         self.inner.allocated.load(Ordering::Relaxed)
+    }
+
+    /// Bytes that were copied to the host since the device was opened.
+    pub fn downloaded_bytes(&self) -> u64 {
+        self.inner.downloaded.load(Ordering::Relaxed)
     }
 
     /// From the `nth` such call from now on, 1 being the next, `times` calls fail. For tests of how failures are handled.

@@ -52,6 +52,7 @@ pub(crate) const SHADERS_ALONE: &[(&str, &str)] = &[
     ("path_bvh.comp", ENTRY),
     ("path_query.comp", ENTRY),
     ("denoise.comp", ENTRY),
+    ("resolve.comp", ENTRY),
 ];
 
 const FILE_FORMAT: &str = "reads or writes files";
@@ -540,12 +541,14 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ),
             ("FilmBuffer::spp", COUNTED),
             ("FilmBuffer::mean_spp", COUNTED),
-            ("FilmBuffer::mean", SHOWN),
             ("FilmBuffer::variance", SHOWN),
             ("FilmBuffer::picture_of", SHOWN),
             ("FilmBuffer::each_pixel", SHOWN),
-            ("FilmBuffer::error_estimate_of", SHOWN),
-            ("FilmBuffer::squared_errors_of", SHOWN),
+            ("FilmBuffer::mean_spp_at", COUNTED),
+            ("FilmBuffer::pixels", COUNTED),
+            ("FilmBuffer::strips", COUNTED),
+            ("FilmBuffer::interrupted_at", "the host takes over where a device was interrupted"),
+            ("FilmBuffer::error_of_strips", "adds up what a device finds"),
             ("FilmBuffer::error_estimate", SHOWN),
         ],
     ),

@@ -1,7 +1,6 @@
 //! Pictures that the device denoises, compared with the host's filter on the picture that the renderer gives. The code is the same for all
 //! backends, so one is tested; `tests/denoise.rs` runs the shader on each.
 
-use std::sync::Arc;
 use std::time::Duration;
 
 use glam::{DAffine3, DVec3};
@@ -15,6 +14,7 @@ use pumice_vulkan::device::InjectedFault;
 
 use super::Validated;
 use super::edits::{balls, scene_of_balls};
+use super::resolve::cancelled_midway;
 
 /// Two instances of the balls, one before the other.
 fn loaded(scene: Scene) -> LoadedScene {
@@ -77,35 +77,16 @@ fn the_device_denoises_what_the_host_would() {
     assert!(renderer.notices().is_empty());
 }
 
-/// A pass that was cancelled leaves pixels with different numbers of samples: what is denoised is the picture that the renderer gives, of
-/// the last complete pass.
+/// A pass that was cancelled leaves pixels with different numbers of samples: what is denoised is the picture that the renderer gives.
 #[test]
-fn a_cancelled_pass_is_left_out() {
+fn a_cancelled_pass_is_denoised_as_far_as_it_has_come() {
     let mut renderer = super::bare();
     let mut scene = scene_of_balls();
-    // Several launches a pass.
-    (scene.film.width, scene.film.height) = (160, 90);
-    renderer.set_scene(&loaded(scene)).unwrap();
-    advance(&mut renderer, 4);
-    let before = renderer.denoised().unwrap().unwrap();
-    let job = Arc::new(Job::new());
-    let midway = {
-        let job = Arc::clone(&job);
-        std::thread::spawn(move || {
-            while job.progress().0 == 0 {
-                std::thread::yield_now();
-            }
-            job.cancel();
-        })
-    };
-    let cancelled = renderer.advance(Duration::from_secs(60), 4096, &job);
-    midway.join().unwrap();
-    assert!(matches!(cancelled, Err(pumice_transport::RenderError::Cancelled)), "{cancelled:?}");
+    (scene.film.width, scene.film.height) = (320, 64);
+    cancelled_midway(&mut renderer, &loaded(scene));
     let got = renderer.denoised().unwrap().unwrap();
     let expected = by_host(&mut renderer);
     compare(&renderer, &expected, &got, "cancelled");
-    // The picture has the samples of complete passes.
-    assert_eq!(before.pixels.len(), got.pixels.len());
 }
 
 /// A device that fails leaves it to the host and says so once; samples stay, and a device that was lost is opened again.
