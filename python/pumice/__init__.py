@@ -32,7 +32,7 @@ from .scene import Scene, figure
 from .series import compress_series
 from .session import Frame, LabelFilm, Pick, Session, Status
 from .surface import count_faces, surface
-from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, distinct_colors, open, probe
+from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, distinct_colors, is_on_server, open, probe
 
 # At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force. What `atexit` has comes after
 # the end of all threads that are not daemons, where a picture without a limit would keep the interpreter for ever; what `threading` has comes
@@ -79,6 +79,7 @@ __all__ = [
     "distinct_colors",
     "export",
     "figure",
+    "is_on_server",
     "merge",
     "open",
     "open_picture",
