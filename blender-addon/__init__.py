@@ -7,7 +7,7 @@ A module imports only from lines below its own:
 
     __init__
     reload_volume    import_url
-    export_usd       export_gltf          verify               label_panel          import_volume
+    export_usd       export_gltf          verify               label_panel          import_volume        import_state
     figure_panel
     label_files          pick_tool        figure_operators     object_outline
     label_box            label_outline    floor_grid
@@ -62,6 +62,7 @@ from . import (
     file_paths,
     floor_grid,
     import_scene,
+    import_state,
     import_url,
     import_volume,
     label_box,
@@ -101,6 +102,7 @@ MODULES = (
     figure_settings,
     figure_follow,
     import_volume,
+    import_state,
     import_url,
     reload_volume,
     import_scene,

@@ -2,15 +2,16 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """File > Import > Label Volume from URL: asks for the URL of a store on a server, and opens the dialog of the import for it.
 
-    URL ──► headers (a thread, ESC) ──► the dialog of `import_dialog`, as for a file
+    URL                     ──► headers (a thread, ESC) ──► the dialog of `import_dialog`, as for a file
+    link to Neuroglancer    ──► the dialog of `import_state`
 
-A script has no dialog: for it, the operator is `pumice.import_volume` with a URL in place of the file.
+A script has no dialog: for it, the operators are `pumice.import_volume` and `pumice.import_state` with a URL in place of the file.
 """
 
 import bpy
 from bpy.props import StringProperty
 
-from . import import_dialog, native, online_access
+from . import import_dialog, import_state, native, online_access
 from .background import InBackground, Work
 from .reports import Refused
 
@@ -26,7 +27,10 @@ class PUMICE_OT_import_url(InBackground, bpy.types.Operator):
 
     url: StringProperty(
         name="URL",
-        description="Folder of a Zarr, N5 or Neuroglancer volume on a server: https://, gs:// or s3://, also with precomputed://, zarr:// or n5:// before it",
+        description=(
+            "Folder of a Zarr, N5 or Neuroglancer volume on a server: https://, gs:// or s3://, also with precomputed://, zarr:// or n5:// before it; or a link "
+            "to Neuroglancer"
+        ),
         default="",
         options={"SKIP_SAVE"},
     )
@@ -52,17 +56,21 @@ class PUMICE_OT_import_url(InBackground, bpy.types.Operator):
 
     def begin(self, _context):
         url = self.url.strip()
+        if import_state.is_link(url):
+            return Work("Reading the link", lambda job: native.require().state_layers(url))
         if not native.is_on_server(url):
             raise Refused(f"{url or 'URL'}: expected the URL of a store: https://, gs:// or s3://")
         online_access.check([url])
         return Work(f"Asking {url.split('://')[-1].split('/')[0]}", lambda job: native.require().probe(url, job=job), asks_server=True)
 
     def finish(self, context, _said):
+        url = self.url.strip()
+        operator = bpy.ops.pumice.import_state if import_state.is_link(url) else bpy.ops.pumice.import_volume
         # What the server said is known for some seconds, so the dialog does not wait for it again.
         if self._interactive:
-            import_dialog.open_later(context, bpy.ops.pumice.import_volume, filepath=self.url.strip())
+            import_dialog.open_later(context, operator, filepath=url)
         else:
-            bpy.ops.pumice.import_volume(filepath=self.url.strip())
+            operator(filepath=url)
 
 
 def _menu_entry(self, _context):

@@ -156,6 +156,18 @@ def test_the_dialog_says_what_the_server_has(stage):
     assert is_warning and "gives none of the files that describe a store" in line
 
 
+def test_the_first_dialog_takes_the_url_from_the_clipboard_and_asks_nobody_offline(stage):
+    reports = []
+    operator, refused = stage.load("import_url").PUMICE_OT_import_url, stage.load("background").InBackground.refused
+    dialog = types.SimpleNamespace(url="", report=lambda kind, line: reports.append(line), refused=lambda error: refused(dialog, error))
+    manager = types.SimpleNamespace(clipboard=f" {stage.url}\n", invoke_props_dialog=lambda *_, **__: {"RUNNING_MODAL"})
+    context = types.SimpleNamespace(window_manager=manager)
+    assert operator.invoke(dialog, context, None) == {"RUNNING_MODAL"} and dialog.url == stage.url and reports == []
+    dialog.url, manager.clipboard, stage.system.use_online_access = "", "a letter", False
+    assert operator.invoke(dialog, context, None) == {"CANCELLED"} and dialog.url == ""
+    assert len(reports) == 1 and "Allow Online Access" in reports[0] and stage.server.asked == []
+
+
 def test_a_silent_server_is_not_waited_for_without_end(stage, monkeypatch):
     answer = threading.Event()
     stage.server.fault = lambda path, tries: answer.wait(60) and None

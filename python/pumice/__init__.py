@@ -22,7 +22,7 @@ from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWar
 from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
-from .neuroglancer import open_state
+from .neuroglancer import open_state, state_layers
 from .page_memory import PageFigures, PageMemory
 from .parts import chunk_count, compress_file, compress_part, merge
 from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
@@ -88,6 +88,7 @@ __all__ = [
     "query_labels",
     "read_label_table",
     "render",
+    "state_layers",
     "surface",
     "verify_render",
 ]

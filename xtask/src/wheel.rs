@@ -98,7 +98,9 @@ pub(crate) fn install(target: &Path, profile: &str) -> Result<Step, String> {
 /// Writes the stub that the source asks for.
 pub(crate) fn generate_stub(root: &Path, target: &Path) -> Step {
     let mut command = maturin(root, target, &Environment::tests().interpreter(target));
-    command.args(["generate-stubs", "--quiet", "--locked", "--profile", "dev"]).arg("--out")
+    command
+        .args(["generate-stubs", "--quiet", "--locked", "--profile", "dev"])
+        .arg("--out")
         .arg(target.join("stubs"));
     command.into()
 }
