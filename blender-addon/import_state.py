@@ -136,8 +136,8 @@ class PUMICE_OT_import_state(InBackground, bpy.types.Operator, ImportHelper):
         is_first = not any(o.pumice.filepath for o in context.scene.objects)
         for line in lines:
             self.report({"WARNING"}, line.replace("(give --", "(give "))
-        by_file = {os.path.realpath(one.filepath): (name, one) for name, one in opened.items()}
-        made = [_volume(context, *by_file[os.path.realpath(instance["source"])], instance) for instance in scene["instances"]]
+        # An instance a layer, in the same order.
+        made = [_volume(context, name, one, instance) for (name, one), instance in zip(opened.items(), scene["instances"], strict=True)]
         for other in context.selected_objects:
             other.select_set(False)
         for obj in made:

@@ -206,6 +206,17 @@ def test_a_link_with_a_layer_on_a_server(stage):
     assert differences(of_blender(stage), theirs) == []
 
 
+def test_two_layers_of_one_source_are_two_objects(stage):
+    fields = state()
+    fields["layers"].append(fields["layers"][0] | {"name": "third", "segments": [str(IDS[2])]})
+    path = written(stage, fields)
+    assert bpy.ops.pumice.import_state(filepath=str(path)) == {"FINISHED"}
+    visible = stage.load("label_table").visible
+    shown = {o.name: int(visible(o.pumice.table).sum()) for o in bpy.context.scene.objects if o.pumice.filepath}
+    assert shown == {"cells": 3, "third": 1} and len(list(stage.folder.glob("cells-*.pumice"))) == 1
+    assert differences(of_blender(stage), of_command(stage, path)[0]) == []
+
+
 def test_a_part_of_a_layer_keeps_its_place(stage):
     path = written(stage, state())
     assert bpy.ops.pumice.import_state(filepath=str(path), roi="0:12,:,:") == {"FINISHED"}
