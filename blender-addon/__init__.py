@@ -6,8 +6,8 @@ The compiled module `pumice` (a wheel of this extension) does the work; this pac
 A module imports only from lines below its own:
 
     __init__
-    reload_volume
-    export_usd       export_gltf          verify               label_panel          import_volume
+    reload_volume    import_url
+    export_usd       export_gltf          verify               label_panel          import_volume        import_state
     figure_panel
     label_files          pick_tool        figure_operators     object_outline
     label_box            label_outline    floor_grid
@@ -29,7 +29,7 @@ A module imports only from lines below its own:
     label_table      properties           cache                devices              mesh_file            units
     file_paths       volume_place         table_writes         time_settings        file_series
     time_steps
-    background       verify_maps
+    background       verify_maps          online_access
     reports
     native
 
@@ -62,6 +62,8 @@ from . import (
     file_paths,
     floor_grid,
     import_scene,
+    import_state,
+    import_url,
     import_volume,
     label_box,
     label_film,
@@ -100,6 +102,8 @@ MODULES = (
     figure_settings,
     figure_follow,
     import_volume,
+    import_state,
+    import_url,
     reload_volume,
     import_scene,
     export_scene,

@@ -4,9 +4,13 @@
 
 An operator that mixes in `InBackground` has `begin(context)`, which returns a `Work`, and `finish(context, result)`, which runs in
 Blender's thread when the work is done. `ended()` runs last in any case: after success, failure and cancelling.
+
+A thread that waits for the answer of a server notices a cancelled job only when the answer or the end of its patience comes. It is left to itself
+after a moment, and ends by the cancelled job.
 """
 
 import threading
+import time
 
 import bpy
 
@@ -14,15 +18,32 @@ from . import native
 from .reports import log, one_line
 
 
-class Work:
-    """A call in a thread: `call(job)` must not use Blender. With `tells` it is `call(job, tell)`; `tell(text)` names the stage reached."""
+# How long a cancelled thread that may wait for a server is waited for.
+PATIENCE_SECONDS = 1.0
 
-    def __init__(self, stage, call, *, tells=False):
+
+class Work:
+    """A call in a thread: `call(job)` must not use Blender. With `tells` it is `call(job, tell)`; `tell(text)` names the stage reached. With
+    `asks_server` it may wait for a server."""
+
+    def __init__(self, stage, call, *, tells=False, asks_server=False):
         self.stage, self.call = stage, (lambda job: call(job, self._tell)) if tells else call
-        self.job = native.require().Job()
+        self.job, self.asks_server, self._cancelled_at = native.require().Job(), asks_server, None
         self.result = self.error = None
         self.thread = threading.Thread(target=self._run, name="pumice work", daemon=True)
         self.thread.start()
+
+    def cancel(self):
+        self.job.cancel()
+        if self._cancelled_at is None:
+            self._cancelled_at = time.monotonic()
+
+    @property
+    def is_left(self):
+        """Whether the work was cancelled and its thread is not waited for any more."""
+        if not self.asks_server or self._cancelled_at is None or not self.thread.is_alive():
+            return False
+        return time.monotonic() - self._cancelled_at >= PATIENCE_SECONDS
 
     def _tell(self, stage):
         self.stage = stage
@@ -48,9 +69,7 @@ class InBackground:
         try:
             self._work = self.begin(context)
         except Exception as error:
-            log(error)
-            self.report({"ERROR"}, one_line(error))
-            return {"CANCELLED"}
+            return self.refused(error)
         if not self._interactive or bpy.app.background:
             self._work.thread.join()
             return self._finished(context)
@@ -62,11 +81,11 @@ class InBackground:
 
     def modal(self, context, event):
         if event.type == "ESC" and event.value == "PRESS":
-            self._work.job.cancel()
+            self._work.cancel()
             return {"RUNNING_MODAL"}
         if event.type != "TIMER":
             return {"PASS_THROUGH"}
-        if self._work.thread.is_alive():
+        if self._work.thread.is_alive() and not self._work.is_left:
             done = self._work.job.fraction
             context.window_manager.progress_update(int(1000 * (done or 0.0)))
             percent = f" {100 * done:.0f} %" if done is not None else ""
@@ -78,10 +97,16 @@ class InBackground:
     def cancel(self, context):
         """Called when Blender ends the operator, because a file is loaded or the window is closed."""
         if self._work is not None:
-            self._work.job.cancel()
-            self._work.thread.join()
+            self._work.cancel()
+            self._work.thread.join(PATIENCE_SECONDS if self._work.asks_server else None)
             self._end(context)
             self.ended()
+
+    def refused(self, error):
+        """Reports why the operator does nothing; returns what Blender is told."""
+        log(error)
+        self.report({"ERROR"}, one_line(error))
+        return {"CANCELLED"}
 
     def ended(self):
         """Nothing to clean up, unless an operator says what."""
@@ -96,7 +121,7 @@ class InBackground:
 
     def _outcome(self, context):
         work = self._work
-        if isinstance(work.error, native.require().Cancelled):
+        if work.is_left or isinstance(work.error, native.require().Cancelled):
             self.report({"WARNING"}, f"Cancelled: {work.stage}")
             return {"CANCELLED"}
         try:
@@ -104,9 +129,7 @@ class InBackground:
                 raise work.error
             self.finish(context, work.result)
         except Exception as error:
-            log(error)
-            self.report({"ERROR"}, one_line(error))
-            return {"CANCELLED"}
+            return self.refused(error)
         return {"FINISHED"}
 
     def _end(self, context):

@@ -2,11 +2,13 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """Paths at which the compressed form of a source file is kept.
 
-    cortex.nrrd  →  cortex-3f9c…e1.pumice      beside the source, or in the extension's own folder where that cannot be written
+    cortex.nrrd            →  cortex-3f9c…e1.pumice      beside the source, or in the extension's own folder where that cannot be written
+    gs://bucket/cortex     →  cortex-80ab…42.pumice      in the extension's own folder
 
 The sixteen digits are a hash of the source's name, size and time of change and of how it was read (layer, voxel size, …). A changed
 source or another layer therefore has another file, and an existing file is always valid: it is never half written, because the
-compressor renames it into place when it is complete.
+compressor renames it into place when it is complete. Of a store on a server, what describes it stands for its size and time, which asks the server:
+a change of chunks alone is not seen.
 """
 
 import hashlib
@@ -14,16 +16,25 @@ import json
 import os
 import tempfile
 
+from . import native
+
 # Of a compressed file.
 FIRST_BYTES = b"\x89PUMICE\n"
 
 
 def is_compressed(path):
     """Whether a file is already in the compressed form."""
-    if os.path.isdir(path):  # slices
+    if native.is_on_server(path) or os.path.isdir(path):  # stores, slices
         return False
     with open(path, "rb") as file:
         return file.read(8) == FIRST_BYTES or os.path.splitext(path)[1].lower() == ".pumice"
+
+
+def base_name(source):
+    """The last part of a path or URL, without what Neuroglancer puts behind a bar."""
+    if native.is_on_server(source):
+        return source.split("|")[0].rstrip("/").rsplit("/", 1)[-1]
+    return os.path.basename(os.path.normpath(source))
 
 
 def time_steps(path):
@@ -38,9 +49,10 @@ def file_name(source, choice):
     # A table of joined ids is read as the source is, and so are the files of a series.
     tables = [_state(choice["relabel"])] if os.path.isfile(choice.get("relabel", "")) else []
     tables += [_state(os.path.join(os.path.dirname(source), name)) for name in choice.get("files", ())]
-    state = json.dumps([os.path.basename(source), _state(source), choice, *tables], sort_keys=True)
+    of_source = [source, _described(source, choice)] if native.is_on_server(source) else [os.path.basename(source), _state(source)]
+    state = json.dumps([*of_source, choice, *tables], sort_keys=True)
     digest = hashlib.blake2b(state.encode(), digest_size=8).hexdigest()
-    stem = os.path.basename(os.path.normpath(source))
+    stem = base_name(source)
     for ending in (".nii.gz", ".seg.nrrd"):
         if stem.lower().endswith(ending):
             stem = stem[: -len(ending)]
@@ -50,10 +62,10 @@ def file_name(source, choice):
     return f"{stem}-{digest}.pumice"
 
 
-def candidates(source, choice, user_folder, beside=True):
+def candidates(source, choice, user_folder):
     """Paths at which the compressed form may be, the preferred one first."""
     name = file_name(source, choice)
-    folders = [os.path.dirname(os.path.abspath(os.path.normpath(source)))] if beside else []
+    folders = [] if native.is_on_server(source) else [os.path.dirname(os.path.abspath(os.path.normpath(source)))]
     return [os.path.join(folder, name) for folder in (*folders, user_folder)]
 
 
@@ -73,6 +85,12 @@ def writable(paths):
         except OSError as error:
             problem = error
     raise problem or OSError("no folder to write to")
+
+
+def _described(source, choice):
+    """What the server says of a store, read with `choice`."""
+    reading = {name: value for name, value in choice.items() if name not in ("time_steps", "files")}
+    return native.require().probe(source, **reading)
 
 
 def _state(source):

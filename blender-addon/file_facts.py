@@ -13,6 +13,7 @@ Does not use Blender.
 import json
 import os
 import re
+import threading
 
 from . import cache, native
 from .reports import one_line
@@ -28,6 +29,8 @@ DESCRIPTIONS = ("zarr.json", ".zarray", ".zgroup", ".zattrs", "info", "attribute
 MOST_IN_MENU = 64
 # Files whose lines are shown one by one.
 MOST_FILES = 8
+# How long a server is waited for; Blender's window stands still meanwhile.
+PATIENCE_SECONDS = 20.0
 UNITS = {"um": "µm", "unknown": ""}
 DIRECTIONS = {"R": "right", "L": "left", "A": "anterior", "P": "posterior", "S": "superior", "I": "inferior"}
 
@@ -45,7 +48,7 @@ class Facts:
         choice = {name: value for name, value in choice.items() if name != TIME_STEPS}
         key = path, json.dumps(choice, sort_keys=True)
         if key not in self._said:
-            self._said[key] = _header(path, choice)
+            self._said[key] = _answer(path, choice) if native.is_on_server(path) else _header(path, choice)
         return self._said[key]
 
     def open_choice(self, keyword):
@@ -86,7 +89,7 @@ class Facts:
                 told += [(line, False) for line in _facts(said, self._is_kept(path, choice))]
                 told += [(_without(line, path), True) for line in said["warnings"]]
             else:
-                name = os.path.basename(path)
+                name = cache.base_name(path)
                 told.append((f"{name}: {_size(said)}", False))
                 told += [(f"{name}: {_without(line, path)}", True) for line in said["warnings"]]
         if len(self.paths) > MOST_FILES:
@@ -94,10 +97,23 @@ class Facts:
         return told
 
 
-def _header(path, choice):
+def _answer(path, choice):
+    """As `_header`, of a store on a server, which is not waited for without end."""
+    answers = []
+    job = native.require().Job()
+    thread = threading.Thread(target=lambda: answers.append(_header(path, choice, job=job)), name="pumice header", daemon=True)
+    thread.start()
+    thread.join(PATIENCE_SECONDS)
+    if not answers:
+        job.cancel()
+        return f"{path}: the server has not answered for {PATIENCE_SECONDS:.0f} seconds"
+    return answers[0]
+
+
+def _header(path, choice, **job):
     try:
         if not cache.is_compressed(path):
-            return native.require().probe(path, **choice)
+            return native.require().probe(path, **job, **choice)
         count = cache.time_steps(path)
         values = [{"value": str(step), "text": ""} for step in range(min(count, MOST_IN_MENU))]
         choices = [{"keyword": "time", "count": count, "values": values, "is_series": True}] if count > 1 and "time" not in choice else []

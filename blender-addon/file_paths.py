@@ -6,6 +6,8 @@
     2. where the file was at the last save      said   an object that was appended keeps a path relative to the file that it came from
     3. beside the library, beside the .blend    said   both were moved into one folder
 
+The URL of a source on a server stays as it is.
+
 Saving makes the paths of local objects relative, if Blender's preference *Relative Paths* is on and both files share more than the root of a
 drive, so that a folder can be moved as a whole. Blender itself remaps only its own paths when a file is saved elsewhere.
 """
@@ -15,6 +17,8 @@ import re
 
 import bpy
 
+from . import native
+
 # Properties of `object.pumice` that are paths of files.
 NAMES = ("filepath", "source_path")
 
@@ -22,13 +26,15 @@ NAMES = ("filepath", "source_path")
 def absolute(obj, name="filepath"):
     """The path that a property of a volume object means, whether or not there is a file; an empty one stays empty."""
     path = getattr(obj.pumice, name)
-    return os.path.abspath(bpy.path.abspath(path, library=_library(obj))) if path else ""
+    if not path or native.is_on_server(path):
+        return path
+    return os.path.abspath(bpy.path.abspath(path, library=_library(obj)))
 
 
 def find(obj, name="filepath"):
     """(absolute path of a file of a volume object, None or a line that says that it was found elsewhere)."""
     given = absolute(obj, name)
-    if not given or os.path.exists(given):
+    if not given or native.is_on_server(given) or os.path.exists(given):
         return given, None
     file_name = re.split(r"[\\/]", getattr(obj.pumice, name))[-1]
     library = _library(obj)

@@ -208,6 +208,12 @@ def _views(context, centre, radius, rendered):
             space.shading.type = "RENDERED"
 
 
+def look_through_camera(context):
+    """Makes all 3D viewports of the window look through the scene's camera."""
+    for space in _spaces(context):
+        space.region_3d.view_perspective = "CAMERA"
+
+
 def _spaces(context):
     """The 3D viewports of the window; none without a window."""
     window = context.window

@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """The dialog of the import: what the headers of the files say, and menus for what they leave open.
 
-The operator opens the file browser, or the dialog at once if files were dropped. After the browser a second call of the operator opens the dialog,
+The operator opens the file browser, or the dialog at once if files were dropped or a URL is given. After the browser a second call of the operator opens the dialog,
 because one call cannot have both. Only headers are read for it, once for each set of answers.
 
 Scripts set the properties themselves and see no dialog.
@@ -15,7 +15,7 @@ import bpy
 from bpy.props import BoolProperty, CollectionProperty, EnumProperty, FloatVectorProperty, IntProperty, StringProperty
 from bpy_extras.io_utils import ImportHelper
 
-from . import cache, file_facts, file_series, opening, registry, time_settings
+from . import cache, file_facts, file_series, native, online_access, opening, registry, time_settings
 from .reports import Refused
 from .time_steps import Playback
 
@@ -166,8 +166,12 @@ class ImportDialog(ImportHelper):
             self._browsing = True
             context.window_manager.fileselect_add(self)
             return {"RUNNING_MODAL"}
-        self.ask()
-        names = [os.path.basename(path) for path in _facts.paths]
+        try:
+            online_access.check(self.paths())
+            self.ask()
+        except Exception as error:
+            return self.refused(error)
+        names = [cache.base_name(path) for path in _facts.paths]
         title = names[0] if len(names) == 1 else f"Import {len(names)} Volumes"
         manager = context.window_manager
         return manager.invoke_props_dialog(self, width=DIALOG_PIXELS, title=title, confirm_text="Import", translate=False)
@@ -183,7 +187,7 @@ class ImportDialog(ImportHelper):
             if key not in kept:
                 if self.use_sequence:
                     choice = choice | {"files": [os.path.basename(file) for file in self.files_of_series()]}
-                kept[key] = cache.existing(self.places(path, choice)) is not None
+                kept[key] = cache.existing(cache.candidates(path, choice, volumes_folder())) is not None
             return kept[key]
 
         _facts = file_facts.Facts(self.paths(), is_kept)
@@ -217,7 +221,7 @@ class ImportDialog(ImportHelper):
             files = self.files_of_series()
             chosen = [(files[0], self.choice_of(files[0]) | {"files": [os.path.basename(file) for file in files]})]
         memory = registry.page_memory()
-        return [opening.Wanted(path, choice, self.places(path, choice), played, frame, memory) for path, choice in chosen]
+        return [opening.Wanted(path, choice, volumes_folder(), played, frame, memory) for path, choice in chosen]
 
     def files_of_series(self):
         """The files that `use_sequence` makes one volume of, in the order of their numbers. Raises Refused where there is only one."""
@@ -282,19 +286,13 @@ class ImportDialog(ImportHelper):
     def _open_dialog(self, context):
         """Opens the dialog for the files of the file browser, once the browser is closed."""
         self._browsing = False
-        chosen = {"filepath": self.filepath, "directory": self.directory, "files": [{"name": f.name} for f in self.files]}
-        where = {"window": context.window, "area": context.area, "region": context.region}
-
-        def show():
-            if where["window"] in list(bpy.context.window_manager.windows):
-                with bpy.context.temp_override(**{name: value for name, value in where.items() if value is not None}):
-                    bpy.ops.pumice.import_volume("INVOKE_DEFAULT", **chosen)
-
-        bpy.app.timers.register(show, first_interval=0.0)
+        open_later(context, bpy.ops.pumice.import_volume, filepath=self.filepath, directory=self.directory, files=[{"name": f.name} for f in self.files])
         return {"CANCELLED"}
 
     def paths(self):
-        """Absolute paths of the files."""
+        """Absolute paths of the files, or the URL."""
+        if native.is_on_server(self.filepath.strip()):
+            return [self.filepath.strip()]
         names = [f.name for f in self.files if f.name]
         paths = [os.path.join(self.directory, n) for n in names] if self.directory and names else [self.filepath]
         return [_store_of(os.path.abspath(bpy.path.abspath(p))) for p in paths]
@@ -318,7 +316,19 @@ class ImportDialog(ImportHelper):
             self._counted = len(file_series.siblings(_facts.paths[0]))
         return self._counted
 
-    def places(self, path, choice):
-        """Where the compressed form of a file may be."""
-        folder = bpy.utils.extension_path_user(__package__, path="volumes", create=False)
-        return cache.candidates(path, choice, folder)
+
+def open_later(context, operator, **chosen):
+    """Opens the dialog of an operator for files or a URL, once the operator that asked for them has ended."""
+    where = {"window": context.window, "area": context.area, "region": context.region}
+
+    def show():
+        if where["window"] in list(bpy.context.window_manager.windows):
+            with bpy.context.temp_override(**{name: value for name, value in where.items() if value is not None}):
+                operator("INVOKE_DEFAULT", **chosen)
+
+    bpy.app.timers.register(show, first_interval=0.0)
+
+
+def volumes_folder():
+    """The extension's own folder for compressed volumes."""
+    return bpy.utils.extension_path_user(__package__, path="volumes", create=False)

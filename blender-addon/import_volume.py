@@ -2,7 +2,7 @@
 # SPDX-License-Identifier: GPL-3.0-or-later
 """File > Import > Label Volume, also for files dropped on a 3D viewport.
 
-    file browser or drop ──► headers ──► dialog: facts, menus, options ──► volumes (a thread, ESC) ──► objects, first look
+    file browser, drop, URL ──► headers ──► dialog: facts, menus, options ──► volumes (a thread, ESC) ──► objects, first look
 
 Before the dialog only headers are read (`file_facts`). A thread then compresses or opens the volumes (`opening`), and the operator only watches
 it. ESC cancels: the thread ends within a moment, nothing is written under a final name, and no object is made. All files of one import become
@@ -16,7 +16,7 @@ import bpy
 import numpy as np
 from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, StringProperty
 
-from . import file_facts, first_look, label_files, label_table, native, opening, proxy_update, registry, time_settings, units, viewport, volume_object
+from . import cache, file_facts, first_look, label_files, label_table, native, online_access, opening, proxy_update, registry, time_settings, units, viewport, volume_object
 from .background import InBackground, Work
 from .import_dialog import ImportDialog
 
@@ -87,8 +87,10 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
     )
 
     def begin(self, context):
+        online_access.check(self.paths())
         wanted = self.wanted(context.scene)
-        return Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
+        call = lambda job, tell: opening.open_all(wanted, job, tell)  # noqa: E731
+        return Work("Reading", call, tells=True, asks_server=opening.asks_server(wanted))
 
     def finish(self, context, opened):
         # Before anything is made: a table that cannot be read leaves nothing behind.
@@ -142,7 +144,7 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
         obj = volume_object.create(
             context,
             opened.volume,
-            name=os.path.basename(os.path.normpath(opened.source)).split(".")[0],
+            name=cache.base_name(opened.source).split(".")[0],
             filepath=opened.filepath,
             source_path=opened.source,
             longest_side=self.longest_side,

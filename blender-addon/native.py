@@ -19,6 +19,11 @@ class ModuleMissing(Exception):
     """The compiled module does not load; its text says why."""
 
 
+def is_on_server(path):
+    """Whether a path is the URL of a place on a server, and not a file of this machine."""
+    return pumice.is_on_server(path) if pumice is not None else "://" in path
+
+
 def require():
     """The module `pumice`; raises ModuleMissing where it does not load."""
     if pumice is None:

@@ -27,8 +27,8 @@ class Wanted(NamedTuple):
     # How it is read: keywords of `pumice.compress`; for a series `time_steps` of `pumice.compress_series`, or `files`, the names of its files beside
     # `source`.
     choice: dict
-    # Where its compressed form may be, the preferred place first.
-    paths: list
+    # The extension's own folder, for a compressed form that cannot be beside its source.
+    folder: str
     # How a series is played, and the frame at which it is shown; all of it without a duration.
     playback: Playback = Playback(duration=0)
     frame: float = 1.0
@@ -55,13 +55,18 @@ class Opened(NamedTuple):
     playback: Playback = Playback()
 
 
+def asks_server(wanted):
+    """Whether any of the files is on a server."""
+    return any(native.is_on_server(one.source) for one in wanted)
+
+
 def open_all(wanted, job, tell):
     """The volumes of all files, in their order; `tell(text)` names the stage that is reached. Raises the error of the first that fails."""
     return [_open(one, job, tell) for one in wanted]
 
 
 def _open(wanted, job, tell):
-    pumice, name = native.require(), os.path.basename(wanted.source)
+    pumice, name = native.require(), cache.base_name(wanted.source)
     tell(f"Reading {name}")
     compressed = cache.is_compressed(wanted.source)
     files = [os.path.join(os.path.dirname(wanted.source), name) for name in wanted.choice.get("files", ())]
@@ -72,10 +77,11 @@ def _open(wanted, job, tell):
         return Opened(wanted.source, {}, wanted.source, wanted.open(wanted.source, job), [])
     is_series = len(reading) < len(wanted.choice)
     odd = [] if compressed else pumice.probe(wanted.source, job=job, **reading)["warnings"]
-    kept = cache.existing(wanted.paths)
+    places = cache.candidates(wanted.source, wanted.choice, wanted.folder)
+    kept = cache.existing(places)
     if kept is not None:
         return _at_frame(wanted, kept, job, odd) if is_series else Opened(wanted.source, wanted.choice, kept, wanted.open(kept, job), odd)
-    target = cache.writable(wanted.paths)
+    target = cache.writable(places)
     tell(f"Compressing {name}")
     if is_series:
         pumice.compress_series(files or wanted.source, target, time_steps=wanted.choice.get("time_steps"), job=job, **reading)

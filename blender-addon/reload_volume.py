@@ -6,7 +6,7 @@
                                                                              label table              by id, see `label_carry`
                                                                              place                    where the file says now
 
-Linked duplicates follow, because they share the mesh. The compressed form from before stays beside the source: undo shows it again.
+Of a source on a server, only what describes the store tells whether it has changed. Linked duplicates follow, because they share the mesh. The compressed form from before stays beside the source: undo shows it again.
 """
 
 import json
@@ -15,7 +15,7 @@ import os
 import bpy
 import numpy as np
 
-from . import cache, file_paths, label_carry, label_table, opening, proxy_update, registry, time_settings, viewport, volume_object, volume_place
+from . import file_paths, label_carry, label_table, native, online_access, opening, proxy_update, registry, time_settings, viewport, volume_object, volume_place
 from .background import InBackground, Work
 from .properties import is_volume
 from .reports import Refused
@@ -53,7 +53,8 @@ class PUMICE_OT_reload(InBackground, bpy.types.Operator):
             raise Refused(f"{obj.name}: it has no label table to keep; import the volume instead")
         name = "source_path" if obj.pumice.source_path else "filepath"
         source, elsewhere = file_paths.find(obj, name)
-        if not os.path.exists(source):
+        online_access.check([source])
+        if not native.is_on_server(source) and not os.path.exists(source):
             raise Refused(f"{source}: the source is missing; set Source in the object's Pumice panel")
         if elsewhere:
             self.report({"WARNING"}, elsewhere)
@@ -61,8 +62,9 @@ class PUMICE_OT_reload(InBackground, bpy.types.Operator):
         choice = json.loads(obj.get("pumice_choice", "{}"))
         folder = bpy.utils.extension_path_user(__package__, path="volumes", create=False)
         played = [time_settings.playback(obj), time_settings.now(context.scene)] if time_settings.is_series(obj) else []
-        wanted = [opening.Wanted(source, choice, cache.candidates(source, choice, folder), *played, memory=registry.page_memory())]
-        return Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
+        wanted = [opening.Wanted(source, choice, folder, *played, memory=registry.page_memory())]
+        call = lambda job, tell: opening.open_all(wanted, job, tell)  # noqa: E731
+        return Work("Reading", call, tells=True, asks_server=opening.asks_server(wanted))
 
     def finish(self, context, opened):
         [one] = opened

@@ -36,7 +36,13 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
     """
     world = np.array(volume.world_from_index, dtype=np.float64)
     scale, scene_from_file = _display(context, volume, among or [volume], longest_side, placement)
+    return create_at(
+        context, volume, scene_from_file @ world, name=name, filepath=filepath, source_path=source_path, scale=scale, former=former
+    )
 
+
+def create_at(context, volume, scene_from_index, *, name, filepath, source_path, scale, former=None):
+    """As `create`, in a given place: the map from voxels to the scene, and `scale`, the number of Blender units per unit of the file."""
     labels = volume.labels
     table = label_table.create(name, labels)
     if former is not None:
@@ -51,7 +57,7 @@ def create(context, volume, *, name, filepath, source_path, longest_side, placem
     settings.display_scale = scale
     describe(obj, volume)
     context.collection.objects.link(obj)
-    place(context, obj, scene_from_file @ world)
+    place(context, obj, scene_from_index)
     return obj
 
 
@@ -91,12 +97,17 @@ def material(name):
     """The default material: automatic label colours, half matt."""
     made = bpy.data.materials.new(name)
     tree = nodes.ensure(made)
-    made.pumice.colors_by_label = True
-    proxy_material.follow(made)
+    color_by_label(made)
     node = tree.nodes["Principled BSDF"]
     node.inputs["Roughness"].default_value = 0.45
     node.inputs["Specular IOR Level"].default_value = 0.35
     return made
+
+
+def color_by_label(material):
+    """Makes a material show the labels' own colors."""
+    material.pumice.colors_by_label = True
+    proxy_material.follow(material)
 
 
 def group_by_type(obj):

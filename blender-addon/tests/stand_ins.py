@@ -206,6 +206,9 @@ class Module:
             return Volume(path)
         return Part(self, path, labels)
 
+    def is_on_server(self, path):
+        return "://" in path
+
     def probe(self, path, job=None, **choice):
         return {"warnings": []}
 

@@ -106,8 +106,8 @@ def test_cancel_ends_the_work_and_leaves_nothing(stage):
 
     stage.module.compress = endless
     path = str(stage.source)
-    cache, opening = stage.load("cache"), stage.load("opening")
-    wanted = [opening.Wanted(path, {}, cache.candidates(path, {}, str(stage.folder / "user")))]
+    opening = stage.load("opening")
+    wanted = [opening.Wanted(path, {}, str(stage.folder / "user"))]
     work = stage.load("background").Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
     assert begun.wait(10)
     work.job.cancel()

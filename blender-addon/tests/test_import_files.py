@@ -249,9 +249,9 @@ def dialog(blender, extension):
         dataset = label = roi = relabel = time_steps = ""
         use_sequence, _counted = False, None
         array, axes, use_spacing, spacing, _browsing, asked = "", "file", False, (1.0, 1.0, 1.0), False, False
-        ask, paths, places, choice_of, _choice, _draw_facts, draw, wanted, files_of_series, _siblings = (
+        ask, paths, choice_of, _choice, _draw_facts, draw, wanted, files_of_series, _siblings = (
             vars(asks)[name]
-            for name in ("ask", "paths", "places", "choice_of", "_choice", "_draw_facts", "draw", "wanted", "files_of_series", "_siblings")
+            for name in ("ask", "paths", "choice_of", "_choice", "_draw_facts", "draw", "wanted", "files_of_series", "_siblings")
         )
         draw_options = operator.draw_options
 

@@ -285,8 +285,8 @@ def test_cancel_in_the_middle_leaves_no_file(blender, extension, data, tmp_path)
     """Uses the largest shipped volume, which takes seconds, so that there is time to cancel."""
     source = tmp_path / "cortex.nrrd"
     source.write_bytes((data / "connectomics_32x32x40nm.nrrd").read_bytes())
-    cache, opening = load(extension, "cache"), load(extension, "opening")
-    wanted = [opening.Wanted(str(source), {}, cache.candidates(str(source), {}, str(tmp_path / "user")))]
+    opening = load(extension, "opening")
+    wanted = [opening.Wanted(str(source), {}, str(tmp_path / "user"))]
     work = load(extension, "background").Work("Reading", lambda job, tell: opening.open_all(wanted, job, tell), tells=True)
     work.job.cancel()
     work.thread.join(30)

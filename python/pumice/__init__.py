@@ -22,7 +22,7 @@ from .errors import Cancelled, InputError, InternalError, PumiceError, PumiceWar
 from .label_table import AnnotationTable, query_labels, read_label_table
 from .labels import LabelGroups
 from .mesh import Mesh
-from .neuroglancer import open_state
+from .neuroglancer import open_state, state_layers
 from .page_memory import PageFigures, PageMemory
 from .parts import chunk_count, compress_file, compress_part, merge
 from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
@@ -32,7 +32,7 @@ from .scene import Scene, figure
 from .series import compress_series
 from .session import Frame, LabelFilm, Pick, Session, Status
 from .surface import count_faces, surface
-from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, distinct_colors, open, probe
+from .volume import CoarseSurface, Faces, LabelTable, Volume, compress, distinct_colors, is_on_server, open, probe
 
 # At exit, calls in other threads are ended before the interpreter is, because it would end their threads by force. What `atexit` has comes after
 # the end of all threads that are not daemons, where a picture without a limit would keep the interpreter for ever; what `threading` has comes
@@ -79,6 +79,7 @@ __all__ = [
     "distinct_colors",
     "export",
     "figure",
+    "is_on_server",
     "merge",
     "open",
     "open_picture",
@@ -87,6 +88,7 @@ __all__ = [
     "query_labels",
     "read_label_table",
     "render",
+    "state_layers",
     "surface",
     "verify_render",
 ]

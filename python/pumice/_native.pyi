@@ -676,6 +676,11 @@ def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: S
     `meshes[i]` belongs to its mesh i.
     """
 
+def state_layers(text: str | None, path: str | PathLike[str]) -> list[tuple[str, str]]:
+    """
+    The layers that a state shows, by name, and the path or URL of each one's volume. `text` and `path` as for [`open_state`].
+    """
+
 def surface(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, shared_corners: bool, job: Job | None = None) -> tuple[Array, Array, Array]:
     """
     The surface of the labels that are `visible`, by row of the table: vertices, quads, label of each quad.

@@ -397,7 +397,7 @@ def open(
     **reading: Unpack[Reading],
 ) -> Volume:
     """Opens a `.pumice` file, or any label volume of a known format, which is compressed in memory. `path` may be the URL of a store
-    (`https://`, `gs://`, `s3://`) in builds with the feature `http`.
+    (`https://`, `gs://`, `s3://`).
 
     `labels`: only these ids are read from a `.pumice` file. The table still has all labels; voxels of the others are background (0),
     they have no boxes and empty bounds, and the volume cannot be saved.
@@ -498,6 +498,13 @@ def compress(
     # What a table says of the labels is not in the file.
     is_file = isinstance(described, str) and types is None and table is None
     return Volume(native, source_of(str(described), read_as) if is_file else None)
+
+
+@checked
+def is_on_server(path: Path) -> bool:
+    """Whether `path` is the URL of a place on a server (`https://`, `http://`, `gs://`, `s3://`, also behind `precomputed://`, `zarr://` or `n5://`),
+    and not a file or folder of this machine. Nothing is asked of the server."""
+    return _native.is_on_server(arguments.path("path", path))
 
 
 def source_of(path: Path, read_as: arguments.ReadAs) -> tuple[Path, arguments.ReadAs | None] | None:

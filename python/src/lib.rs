@@ -54,7 +54,7 @@ mod _native {
     #[pymodule_export]
     use crate::mesh::Mesh;
     #[pymodule_export]
-    use crate::neuroglancer::open_state;
+    use crate::neuroglancer::{open_state, state_layers};
     #[pymodule_export]
     use crate::page_memory::PageMemory;
     #[pymodule_export]

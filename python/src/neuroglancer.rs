@@ -1,6 +1,7 @@
 //! States of Neuroglancer.
 
-use std::path::PathBuf;
+use std::ffi::OsString;
+use std::path::{Path, PathBuf};
 
 use pumice_session::neuroglancer::{self, State};
 use pumice_session::{OpenOptions, Residence};
@@ -24,14 +25,7 @@ pub(crate) fn open_state(
     size: [u32; 2],
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<(Scene, Vec<Volume>, Vec<String>)> {
-    let state = match text {
-        Some(text) => State::parse(&text).map_err(|e| input(&format_args!("state: {e}")))?,
-        None => State::at(&path)
-            .and_then(|state| {
-                state.ok_or_else(|| "expected a state of Neuroglancer, got another file".into())
-            })
-            .map_err(|e| input(&format_args!("{}: {e}", path.display())))?,
-    };
+    let state = state_of(text, &path)?;
     let folder = path.parent().unwrap_or(&path);
     let reading = OpenOptions::default();
     let job = job_of(job);
@@ -41,4 +35,25 @@ pub(crate) fn open_state(
     opened.scene.validate().map_err(IntoException::into_exception)?;
     let volumes = opened.volumes.into_iter().map(Volume).collect();
     Ok((Scene(opened.scene), volumes, reading.warnings.list()))
+}
+
+/// The layers that a state shows, by name, and the path or URL of each one's volume. `text` and `path` as for [`open_state`].
+#[pyfunction]
+#[pyo3(signature = (text, path))]
+pub(crate) fn state_layers(text: Option<String>, path: PathBuf) -> PyResult<Vec<(String, OsString)>> {
+    let state = state_of(text, &path)?;
+    let sources = state.sources(path.parent().unwrap_or(&path)).map_err(IntoException::into_exception)?;
+    // A path object would make one slash of the two of a URL.
+    Ok(sources.into_iter().map(|(name, source)| (name, source.into_os_string())).collect())
+}
+
+fn state_of(text: Option<String>, path: &Path) -> PyResult<State> {
+    match text {
+        Some(text) => State::parse(&text).map_err(|e| input(&format_args!("state: {e}"))),
+        None => State::at(path)
+            .and_then(|state| {
+                state.ok_or_else(|| "expected a state of Neuroglancer, got another file".into())
+            })
+            .map_err(|e| input(&format_args!("{}: {e}", path.display()))),
+    }
 }

@@ -302,3 +302,27 @@ def test_wrong_links_are_refused(stored):
         (stored / name).write_text(text)
         with pytest.raises(pumice.InputError, match="expected a state of Neuroglancer, got another file"):
             pumice.open_state(stored / name)
+
+
+def test_layers_are_named_without_opening_them(tmp_path, monkeypatch):
+    """Files relative to the state's file, or to the working folder; URLs as they are written."""
+    hidden = {"type": "segmentation", "name": "hidden", "source": "precomputed://b", "segments": ["1"], "visible": False}
+    image = {"type": "image", "name": "em", "source": "precomputed://gs://bucket/em"}
+    for url, expected in [
+        ("precomputed://cells", tmp_path / "cells"),
+        ("precomputed://file:///data/the%20cortex", "/data/the cortex"),
+        ("precomputed://gs://bucket/cortex", "precomputed://gs://bucket/cortex"),
+        ("https://server/cells.zarr/|zarr2:", "https://server/cells.zarr/|zarr2:"),
+    ]:
+        fields = state(url)
+        fields["layers"] += [hidden, image]
+        (tmp_path / "state.json").write_text(json.dumps(fields))
+        assert pumice.state_layers(tmp_path / "state.json") == {"cells": str(expected)}
+        if not isinstance(expected, str):
+            monkeypatch.chdir(tmp_path)
+            expected = "cells"
+        for given in (fields, "https://neuroglancer-demo.appspot.com/#!" + urllib.parse.quote(json.dumps(fields))):
+            assert pumice.state_layers(given) == {"cells": str(expected)}
+    assert pumice.is_on_server("precomputed://gs://bucket/cortex") and not pumice.is_on_server(tmp_path / "cells")
+    with pytest.raises(pumice.InputError, match="layer cells: graphene://https://server/table: expected a file, or a store"):
+        pumice.state_layers(state("graphene://https://server/table"))

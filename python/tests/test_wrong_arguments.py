@@ -173,6 +173,8 @@ def made(small, tmp_path_factory):
         "Picture.save": (picture.save, {"path": "out.exr", "passes": ["depth"]}),
         "open_picture": (pumice.open_picture, {"path": folder / "p.exr"}),
         "open_state": (pumice.open_state, {"state": folder / "ng.json", "layer_files": {"a": folder / "v.pumice"}, "size": (8, 8), "job": None}),
+        "state_layers": (pumice.state_layers, {"state": folder / "ng.json"}),
+        "is_on_server": (pumice.is_on_server, {"path": "https://server/cells.zarr"}),
         "Picture.pick": (picture.pick, {"x": 1, "y": 1, "volume": volume}),
         "Picture.srgb": (picture.srgb, {"view_transform": "agx"}),
         "cryptomatte_hash": (pumice.cryptomatte_hash, {"name": "a"}),
@@ -207,7 +209,7 @@ NAMES = [
     *["render", "Renderer", "Renderer.render", "Renderer.latest", "Session", "Session of files"],
     *["PageMemory", "open in a memory", "Session.edit", "Session.set_labels"],
     *["Session.add", "Session.add_mesh", "Session.latest", "Session.pick", "Picture.save", "cryptomatte_hash"],
-    *["open_picture", "open_state", "Picture.pick", "Picture.srgb"],
+    *["open_picture", "open_state", "state_layers", "is_on_server", "Picture.pick", "Picture.srgb"],
     *["surface", "count_faces", "export", "agreement", "ReferencePicture", "ReferencePicture.of", "ReferencePicture.judge"],
 ]
 

@@ -22,16 +22,11 @@ pub(crate) fn folder(target: &Path, profile: &str) -> PathBuf {
     target.join("wheels").join(profile)
 }
 
-/// What the tests' module has beside what users get: that of the workspace's build, where the crate `pumice-tests` asks for it. With other features
-/// our crates would be compiled twice.
-const FEATURES_OF_TESTS: &[&str] = &["--features", "http"];
-
 /// Builds the wheel with a profile of cargo's: `dev` for the tests, `release` for users. Needs the tests' environment.
 pub(crate) fn build(root: &Path, target: &Path, profile: &str) -> Step {
     let mut command = maturin(root, target, &Environment::tests().interpreter(target));
     command
         .args(["build", "--quiet", "--locked", "--strip", "--profile", profile])
-        .args(if profile == "dev" { FEATURES_OF_TESTS } else { &[] })
         .arg("--out")
         .arg(folder(target, profile));
     Step::or_say(command, "the wheel of python/ could not be built")
@@ -105,7 +100,6 @@ pub(crate) fn generate_stub(root: &Path, target: &Path) -> Step {
     let mut command = maturin(root, target, &Environment::tests().interpreter(target));
     command
         .args(["generate-stubs", "--quiet", "--locked", "--profile", "dev"])
-        .args(FEATURES_OF_TESTS)
         .arg("--out")
         .arg(target.join("stubs"));
     command.into()

@@ -2,14 +2,16 @@
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::fmt;
-use std::path::Path;
+use std::path::{Path, PathBuf};
 
 use glam::DQuat;
+use pumice_formats::is_on_server;
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, Visitor};
 use serde_json::Value;
 
-use super::source::unescaped;
+use super::source::{local_path, unescaped};
+use crate::error::SessionError;
 use crate::figure::hex_color;
 
 /// Largest file that is looked at, as large as the largest scene: whether a file is a state or a scene shows only inside.
@@ -79,6 +81,24 @@ impl State {
         link(text).is_some()
             || serde_json::from_str::<Members>(text)
                 .is_ok_and(|m| m.layers.is_some() && m.version.is_none() && m.instances.is_none())
+    }
+
+    /// The layers that are drawn, by name, with the path or the URL of each one's volume. Relative URLs count from `folder`.
+    ///
+    /// # Errors
+    /// [`SessionError::Caller`] names a layer whose server is of a kind that is not read.
+    pub fn sources(&self, folder: &Path) -> Result<Vec<(String, PathBuf)>, SessionError> {
+        let source = |layer: &Layer| {
+            let (name, url) = (&layer.name, &layer.url);
+            let on_server = || Some(PathBuf::from(url)).filter(|path| is_on_server(path));
+            let found = local_path(url, folder).or_else(on_server).ok_or_else(|| {
+                SessionError::Caller(format!(
+                    "layer {name}: {url}: expected a file, or a store of Zarr, N5 or Neuroglancer at https://, gs:// or s3://"
+                ))
+            });
+            found.map(|path| (name.clone(), path))
+        };
+        self.layers.iter().map(source).collect()
     }
 
     /// Whether a path is a link in place of one.
