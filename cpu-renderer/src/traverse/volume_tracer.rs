@@ -13,11 +13,12 @@ use glam::DVec3;
 use pumice_core::{BoxView, CompressedVolume};
 use pumice_transport::geometry::bricks::Bricks;
 use pumice_transport::geometry::cuts::Cuts;
+use pumice_transport::geometry::instance_tree::WorldBounds;
 use pumice_transport::geometry::lod::{Detail, DetailLevel};
 use pumice_transport::geometry::neighbors::Neighbors;
 use pumice_transport::geometry::placement::Placement;
 use pumice_transport::geometry::voxel_normals::falling_off;
-use pumice_transport::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
+use pumice_transport::{BoxBounds, Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 
 use super::IndexRay;
 use super::box_walk::{Crossing, Found};
@@ -32,6 +33,9 @@ pub(super) use search::{Nearest, bvh_ray};
 use showing::Widest;
 use surfaces::Left;
 
+/// Part of its length by which a direction must lead away from a plane to be sure of it: above the roundings of its change of space.
+const SURELY: f64 = 64.0 * f64::EPSILON;
+
 /// The geometry of one instance.
 #[derive(Clone, Debug)]
 pub struct VolumeTracer {
@@ -39,6 +43,8 @@ pub struct VolumeTracer {
     placement: Placement,
     instance: u32,
     boxes: Arc<DrawnBoxes>,
+    /// Their bounds in the world; `None` where nothing is drawn, and for a page of a volume.
+    in_world: Option<WorldBounds>,
     /// The drawn voxels with all labels merged, if there is such a form; where there is none, the boxes have a hierarchy.
     bricks: Option<Arc<Bricks>>,
     /// The same where neither they nor the boxes are in memory; there are no `bricks` then.
@@ -98,6 +104,9 @@ impl VolumeTracer {
         t_max: f64,
         best: f64,
     ) -> Option<Hit> {
+        if self.is_missed(ray, from) {
+            return None;
+        }
         if self.cuts.is_empty() {
             return self.first_hit_uncut(ray, from, t_max, best);
         }
@@ -149,6 +158,33 @@ impl VolumeTracer {
                 matches!(self.leave(&r, label, voxel, t_max), Left::Through(_))
             }
         }
+    }
+
+    /// Whether the ray certainly meets nothing of what is drawn: it passes it by, or leaves it from one of its outermost faces. Half of a
+    /// camera's rays do, and preparing a ray for the search costs more than this.
+    ///
+    /// A ray that continues from a face of this instance starts on that face in its own space, whatever rounding did to its position in the
+    /// world; so there only the face and the direction decide.
+    #[inline(always)]
+    fn is_missed(&self, ray: &RayInWorld, from: PathOrigin) -> bool {
+        match surface_of(from, self.instance) {
+            None => self.in_world.is_some_and(|bounds| bounds.are_passed_by(ray)),
+            Some(face) if face.kind == SurfaceKind::Face => self.is_left(&face, ray.direction),
+            Some(_) => false,
+        }
+    }
+
+    /// Whether the face is on the bounds of all that is drawn and the direction certainly leads away from it.
+    #[inline(always)]
+    fn is_left(&self, face: &Surface, direction: DVec3) -> bool {
+        let Some(BoxBounds { lo, hi }) = self.boxes.bounds() else { return false };
+        let axis = usize::from(face.axis.min(2));
+        if face.plane != if face.positive { hi[axis] } else { lo[axis] } {
+            return false;
+        }
+        let normal = self.normals[axis][usize::from(face.positive)];
+        // Further than rounding turns a direction: each side has five products and sums.
+        normal.dot(direction) > SURELY * normal.abs().dot(direction.abs())
     }
 
     #[inline(always)]
@@ -268,6 +304,9 @@ impl Tracer for VolumeTracer {
     /// mesh: inside a label, a seam between two of its boxes would answer first, while only the way out of the label is a surface.) Where
     /// coarse elements of labels overlap and a path starts within another label's element, faces within that element count too.
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
+        if self.is_missed(ray, from) {
+            return false;
+        }
         if self.cuts.is_empty() {
             return self.occluded_uncut(ray, from, t_max);
         }
@@ -319,4 +358,63 @@ impl Tracer for VolumeTracer {
 #[inline(always)]
 fn any_will_do(from: PathOrigin) -> bool {
     matches!(from, PathOrigin::Face(surface) if surface.kind != SurfaceKind::Triangle)
+}
+
+#[cfg(test)]
+mod tests {
+    use glam::{DAffine3, DMat3};
+    use pumice_oracle::volumes::blobs;
+    use pumice_transport::geometry::LodChoice;
+
+    use super::super::TracedInstance;
+    use super::*;
+
+    /// Rays that count as missed find nothing in the search that is left out for them: rays of a camera, rays that leave faces in any
+    /// direction, and rays along faces, of instances that are turned, mirrored, squeezed and far away, at each level of detail.
+    #[test]
+    fn missed_rays_find_nothing() {
+        let (_, volume) = blobs([90, 70, 60], 80, 9, 8);
+        let mut state = 5u64;
+        let mut random = || {
+            state = state.wrapping_mul(6364136223846793005).wrapping_add(1442695040888963407);
+            (state >> 11) as f64 / (1u64 << 53) as f64 - 0.5
+        };
+        let turned = DMat3::from_rotation_z(0.3) * DMat3::from_diagonal(DVec3::new(-0.5, 0.7, 1.3));
+        let sheared = DMat3::from_cols(DVec3::X, DVec3::new(3.0, 0.1, 0.0), DVec3::new(0.0, 1.0, 1e-3));
+        let (mut passed, mut left, mut found) = (0, 0, 0);
+        for (matrix, at) in [(DMat3::IDENTITY, 0.0), (turned, 1e3), (sheared, 0.0), (turned, 1e10)] {
+            for lod in [LodChoice::Voxels, LodChoice::Boxes] {
+                let world_from_index = DAffine3::from_mat3_translation(matrix, DVec3::splat(at));
+                let visible = vec![true; volume.labels().len()];
+                let traced = TracedInstance { volume: volume.clone(), world_from_index, visible, lod };
+                let tracer = VolumeTracer::in_bricks(0, &traced).unwrap();
+                let mut same = |ray: &RayInWorld, from: PathOrigin| {
+                    let hit = tracer.first_hit_uncut(ray, from, f64::INFINITY, f64::INFINITY);
+                    assert_eq!(tracer.first_hit(ray, from, f64::INFINITY), hit, "{ray:?} {from:?}");
+                    assert_eq!(tracer.occluded(ray, from, f64::INFINITY), hit.is_some());
+                    let missed = tracer.is_missed(ray, from);
+                    *(if from == PathOrigin::Free { &mut passed } else { &mut left }) += u32::from(missed);
+                    found += u32::from(hit.is_some());
+                    hit
+                };
+                for _ in 0..1500 {
+                    let mut point = |size: f64| {
+                        DVec3::new(45.0, 35.0, 30.0) + size * DVec3::new(random(), random(), random())
+                    };
+                    let [origin, target] =
+                        [point(300.0), point(120.0)].map(|p| world_from_index.transform_point3(p));
+                    let ray = RayInWorld { origin, direction: target - origin };
+                    let Some(hit) = same(&ray, PathOrigin::Free) else { continue };
+                    let (from, origin) = (PathOrigin::Face(hit.surface), ray.origin + ray.direction * hit.t);
+                    for _ in 0..4 {
+                        let direction = matrix * DVec3::new(random(), random(), random());
+                        same(&RayInWorld { origin, direction }, from);
+                    }
+                    let along = matrix.col(usize::from(hit.surface.axis + 1) % 3) * random();
+                    same(&RayInWorld { origin, direction: along }, from);
+                }
+            }
+        }
+        assert!(passed > 3000 && left > 1000 && found > 10_000, "{passed} {left} {found}");
+    }
 }

@@ -115,6 +115,22 @@ impl WorldBounds {
         let (lo, hi) = (self.lo - slack, self.hi + slack);
         (from.cmpgt(hi) & to.cmpgt(hi) | from.cmplt(lo) & to.cmplt(lo)).any()
     }
+
+    /// Whether the line of a ray certainly passes these bounds by: a plane through the line, parallel to an axis, has all of them on one side.
+    ///
+    /// With the bounds moved outward as in [`WorldBounds::are_missed`]. Products that are too small or too large to be compared exclude
+    /// nothing.
+    #[inline]
+    pub fn are_passed_by(&self, ray: &RayInWorld) -> bool {
+        let slack = ROUNDINGS * f64::EPSILON * self.condition * (self.size + ray.origin.abs().max_element());
+        let middle = 0.5 * (self.lo + self.hi);
+        let half = self.hi - middle + slack;
+        let d = ray.direction.abs();
+        let reach =
+            DVec3::new(half.y * d.z + half.z * d.y, half.z * d.x + half.x * d.z, half.x * d.y + half.y * d.x);
+        let away = (ray.origin - middle).cross(ray.direction).abs();
+        away.cmpgt(reach + f64::MIN_POSITIVE).any()
+    }
 }
 
 impl InstanceTree {
@@ -308,7 +324,8 @@ mod tests {
         each_ray_that_meets(&mut random, at, &places, |ray, number, enter| {
             let mut bounds = WorldBounds::new(BOUNDS, &places[number as usize]);
             change(&mut bounds);
-            missed += usize::from(bounds.are_missed(ray, f64::INFINITY) || bounds.are_missed(ray, enter));
+            let beyond = bounds.are_missed(ray, f64::INFINITY) || bounds.are_missed(ray, enter);
+            missed += usize::from(beyond || bounds.are_passed_by(ray));
         });
         missed
     }
@@ -341,6 +358,41 @@ mod tests {
         assert!(!missed([16.0, 16.0, 40.0], [0.0, 0.0, -1.0], f64::INFINITY));
         assert!(!missed([16.0, 16.0, 31.0], [0.1, 0.2, 1.0], f64::INFINITY));
         assert!(!missed([16.0, 16.0, 40.0], [f64::NAN; 3], 1.0));
+    }
+
+    /// Against clipping the line in f64 against bounds that are a thousandth larger and smaller: what passes the larger ones by is passed by,
+    /// what meets the smaller ones is not.
+    #[test]
+    fn lines_that_pass_bounds_by_are_those_that_clipping_leaves_nothing_of() {
+        let place = Placement::new(DAffine3::from_scale(DVec3::splat(0.5))).unwrap();
+        let bounds = WorldBounds::new(BOUNDS, &place);
+        let meets = |ray: &RayInWorld, scale: f64| {
+            let (middle, half) = (0.5 * (bounds.lo + bounds.hi), 0.5 * scale * (bounds.hi - bounds.lo));
+            let (a, b) =
+                ((middle - half - ray.origin) / ray.direction, (middle + half - ray.origin) / ray.direction);
+            a.min(b).max_element() <= a.max(b).min_element()
+        };
+        let mut random = Random(4);
+        let (mut passed, mut met) = (0, 0);
+        for _ in 0..4000 {
+            let mut point = |size: f64| size * (random.point() - 0.5);
+            let (origin, direction) = (point(200.0), point(2.0));
+            // Sizes of directions for which products overflow or underflow in part exclude less, never more.
+            for size in [1.0, 1e-290, 1e290, 1e-310] {
+                let ray = RayInWorld { origin, direction: direction * size };
+                let unit = RayInWorld { origin, direction };
+                if bounds.are_passed_by(&ray) {
+                    assert!(!meets(&unit, 0.999), "{unit:?} · {size:e}");
+                } else {
+                    assert!(meets(&unit, 1.001) || size < 1e-300, "{unit:?} · {size:e}");
+                }
+                passed += usize::from(bounds.are_passed_by(&ray));
+                met += usize::from(meets(&unit, 1.0));
+            }
+        }
+        assert!(passed > 8000 && met > 800, "{passed}, {met}");
+        assert!(!bounds.are_passed_by(&RayInWorld { origin: DVec3::splat(1e3), direction: DVec3::NAN }));
+        assert!(!bounds.are_passed_by(&RayInWorld { origin: DVec3::splat(1e3), direction: DVec3::ZERO }));
     }
 
     #[test]

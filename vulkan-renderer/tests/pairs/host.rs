@@ -338,6 +338,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
                 "WorldBounds::are_missed",
                 "leaves out meshes that a ray cannot meet, for which the shader asks the hierarchy",
             ),
+            (
+                "WorldBounds::are_passed_by",
+                "leaves out volumes that a ray cannot meet, whose bounds the shader clips it against",
+            ),
             ("InstanceTree::new", READY),
             ("InstanceTree::bvh", READ),
             ("InstanceTree::bytes", COUNTED),

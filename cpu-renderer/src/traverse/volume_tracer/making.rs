@@ -95,6 +95,7 @@ impl VolumeTracer {
             normals: normals(&placement),
             level: level_of(&boxes, &detail),
             detail,
+            in_world: boxes.bounds().map(|bounds| WorldBounds::new(bounds, &placement)),
             placement,
             instance,
             boxes,
@@ -212,6 +213,7 @@ impl VolumeTracer {
             normals: normals(&placement),
             level: level_of(&self.boxes, &detail),
             detail,
+            in_world: self.boxes.bounds().map(|bounds| WorldBounds::new(bounds, &placement)),
             placement,
             instance,
             boxes: Arc::clone(&self.boxes),
@@ -265,7 +267,7 @@ impl VolumeTracer {
 
     /// World bounds of the drawn boxes; `None` where there are none.
     pub(in super::super) fn world_bounds(&self) -> Option<WorldBounds> {
-        self.boxes.bounds().map(|bounds| WorldBounds::new(bounds, &self.placement))
+        self.in_world
     }
 
     /// Identifies the boxes: equal for all volumes that share them with their hierarchy, and for no other.

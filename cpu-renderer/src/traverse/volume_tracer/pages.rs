@@ -374,6 +374,7 @@ impl PagedBricks {
             placement: self.placement,
             instance: 0,
             boxes: Arc::clone(&self.nothing),
+            in_world: None,
             bricks: Some(Arc::clone(&bricks)),
             pages: None,
             wants_bricks: true,
