@@ -11,6 +11,8 @@ use pumice_vulkan::device::Backend;
 
 #[path = "../../cpu-renderer/tests/renderer/catchers.rs"]
 mod catchers;
+#[path = "renderer/caught_and_denoised.rs"]
+mod caught_and_denoised;
 #[path = "../../cpu-renderer/tests/renderer/floor.rs"]
 mod floor;
 #[path = "../../cpu-renderer/tests/renderer/passes.rs"]
