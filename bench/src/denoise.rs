@@ -65,7 +65,7 @@ pub(crate) struct Flags {
     /// Picture size in pixels [default: 480x270; 1920x1080 with --viewport]
     #[arg(long, value_name = "WxH", value_parser = size)]
     size: Option<[u32; 2]>,
-    /// Measure a live picture after a camera move instead; the processor draws it
+    /// Measure a live picture after a camera move instead
     #[arg(long, conflicts_with_all = ["oidn", "spp"])]
     viewport: bool,
     /// Samples per pixel, in increasing order
@@ -77,6 +77,9 @@ pub(crate) struct Flags {
     /// Bounces of light
     #[arg(long, value_name = "N", default_value = "8")]
     bounces: u32,
+    /// Backend that draws and denoises what is measured; the processor always draws the reference
+    #[arg(long, value_name = "NAME", default_value = "cpu")]
+    backend: String,
     /// Folder for the results, created if missing
     #[arg(long, value_name = "DIR", default_value = "pumice-denoise")]
     out: PathBuf,
@@ -140,6 +143,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     let figure = Figure { size: flags.size(), pick: flags.pick as usize, bounces: flags.bounces };
     // Asked before the work, not after it.
     let oidn = flags.oidn.as_deref().map(Oidn::check).transpose()?;
+    let mut drawn_by = DrawnBy::new(&flags.backend)?;
     let temporary = scratch()?;
     if flags.viewport {
         let rows = console.watch("", |watch| {
@@ -151,14 +155,14 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
                 let reference =
                     drawn(&mut renderer, &moved, volume, REFERENCE_SEED, flags.reference_spp(), job)?.0;
                 drop(renderer);
-                rows.extend(viewport::watched(name, scene, volume, &reference.color, job)?);
+                rows.extend(viewport::watched(name, scene, volume, &reference.color, &mut drawn_by, job)?);
                 Ok(())
             })?;
             Ok::<_, SessionError>(rows)
         })?;
         tables::write_viewport(
             &flags.out,
-            &machine::description(),
+            &drawn_by.described(),
             flags.size(),
             flags.reference_spp(),
             &rows,
@@ -170,15 +174,49 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
         let mut results = Vec::new();
         each_scene(&scenes, &volumes, figure, temporary.path(), job, &mut |name, scene, volume| {
             watch(name);
-            results.extend(measured(flags, name, scene, volume, oidn.as_ref(), job)?);
+            results.extend(measured(flags, name, scene, volume, oidn.as_ref(), &mut drawn_by, job)?);
             Ok(())
         })?;
         Ok::<_, SessionError>(results)
     })?;
     let version = oidn.as_ref().map(|oidn| oidn.version.as_str());
-    tables::write(&flags.out, &machine::description(), version, flags.size(), &results)?;
+    tables::write(&flags.out, &drawn_by.described(), version, flags.size(), &results)?;
     console.line(flags.out.join("denoise.md").display())?;
     Ok(Outcome::Holds)
+}
+
+/// What drew and denoised the pictures that are measured.
+pub(super) struct DrawnBy {
+    backend: String,
+    device: String,
+    /// Failures of the device that were overcome; after one the pictures may have come from elsewhere.
+    notices: Vec<String>,
+}
+
+impl DrawnBy {
+    /// # Errors
+    /// Where this machine has no such backend.
+    fn new(backend: &str) -> Result<Self> {
+        make_renderer(backend)?;
+        Ok(Self { backend: backend.to_owned(), device: String::new(), notices: Vec::new() })
+    }
+
+    /// Remembers the device of the pictures just drawn, and what it said.
+    fn remember(&mut self, device: &str, notices: impl IntoIterator<Item = String>) {
+        device.clone_into(&mut self.device);
+        self.notices.extend(notices);
+    }
+
+    /// The machine with backend and device, and a line for each notice.
+    fn described(&self) -> String {
+        let drawn = format!(
+            "{}\n\nDrawn and denoised by {} on {}.",
+            machine::description(),
+            self.backend,
+            self.device
+        );
+        self.notices.iter().fold(drawn, |text, notice| format!("{text}\n{notice}"))
+    }
 }
 
 /// A picture of a scene, and the time of its samples.
@@ -206,20 +244,21 @@ fn measured(
     scene: &Scene,
     volume: &Arc<CompressedVolume>,
     oidn: Option<&Oidn>,
+    drawn_by: &mut DrawnBy,
     job: &Job,
 ) -> Result<Vec<Denoised>> {
     let mut renderer = make_renderer("cpu")?;
-    let mut drawn = |seed: u64, spp: u32| drawn(&mut renderer, scene, volume, seed, spp, job);
     let each = flags.reference_spp().div_ceil(BATCHES);
     let batches: Vec<Image> = (0..u64::from(BATCHES))
-        .map(|batch| Ok(drawn(REFERENCE_SEED + batch, each)?.0.color))
+        .map(|batch| Ok(drawn(&mut renderer, scene, volume, REFERENCE_SEED + batch, each, job)?.0.color))
         .collect::<Result<_>>()?;
+    let mut renderer = make_renderer(&flags.backend)?;
     let reference = MeanPicture::of(&batches);
     let (expected, own) = (reference.image(flags.size()), reference.own_rel_mse());
 
     let mut results = Vec::new();
     for &spp in &flags.spp {
-        let (picture, took) = drawn(SEED, spp)?;
+        let (picture, took) = drawn(&mut renderer, scene, volume, SEED, spp, job)?;
         let mut judge = |through: Through, image: &Image, denoise_cpu_seconds: f64| -> Result<()> {
             let found = compare(image, &expected, None, &|| job.is_cancelled())
                 .map_err(|e| SessionError::Caller(format!("{name}: {e}")))?;
@@ -235,18 +274,25 @@ fn measured(
             Ok(())
         };
         judge(Through::Nothing, &picture.color, 0.0)?;
-        let (ours, took) = clocked(|| filtered(name, &picture))?;
+        // A device that denoises a picture first finds its first surfaces, and may compile; the processor has them with the picture.
+        filtered(&mut renderer, name, &picture)?;
+        let (ours, took) = clocked(|| filtered(&mut renderer, name, &picture))?;
         judge(Through::Pumice, &ours, took.cpu_seconds)?;
         if let Some(oidn) = oidn {
             let (theirs, cpu_seconds) = oidn.denoise(&picture)?;
             judge(Through::Oidn, &theirs, cpu_seconds)?;
         }
     }
+    let notices = renderer.notices();
+    drawn_by.remember(renderer.device(), notices);
     Ok(results)
 }
 
-/// The picture through Pumice's denoiser.
-fn filtered(name: &str, picture: &Picture) -> Result<Image> {
+/// The picture that `renderer` has just drawn through Pumice's denoiser, on the renderer's own device where it can.
+fn filtered(renderer: &mut FallbackRenderer, name: &str, picture: &Picture) -> Result<Image> {
+    if let Some(smooth) = renderer.denoised()? {
+        return Ok(smooth);
+    }
     let guides = Guides::of(picture).map_err(RenderError::from)?;
     let guides =
         guides.ok_or_else(|| SessionError::Caller(format!("{name}: expected first surfaces, got none")))?;

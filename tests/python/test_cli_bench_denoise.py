@@ -1,6 +1,7 @@
 """Tests `pumice bench denoise` on a small volume: a row for each picture, less error after denoising, and what it refuses."""
 
 import csv
+import re
 
 import pytest
 from command import run
@@ -30,6 +31,22 @@ def test_each_picture_has_a_row_with_and_without_the_denoiser(measured):
     assert (measured / "denoise_sky-floor.svg").read_text().startswith("<svg")
 
 
+def test_a_vulkan_backend_draws_and_denoises_the_same_pictures(pumice, data, measured, tmp_path):
+    flags = ["--only", "sky-floor", "--spp", "8", "--backend", "vulkan-compute", "--out", tmp_path]
+    run(pumice, "bench", "denoise", data / "slicer_Segmentation.seg.nrrd", *TINY, *flags).fine()
+    page = (tmp_path / "denoise.md").read_text()
+    drawn = re.search("Drawn and denoised by vulkan-compute on (.+)[.]\n", page)
+    assert drawn and "the processor denoises" not in page, page
+    assert "Drawn and denoised by cpu on " in (measured / "denoise.md").read_text()
+    with (tmp_path / "denoise.csv").open() as file:
+        there = list(csv.DictReader(file))
+    with (measured / "denoise.csv").open() as file:
+        here = [row for row in csv.DictReader(file) if row["samples"] == "8"]
+    for a, b in zip(there, here, strict=True):
+        # The same samples and the same filter: values differ by rounding, which the table's four digits hardly show.
+        assert a["denoiser"] == b["denoiser"] and float(a["relMSE"]) == pytest.approx(float(b["relMSE"]), rel=0.01), (a, b)
+
+
 @pytest.mark.full
 def test_a_live_picture_comes_close_to_the_converged_one_with_and_without_the_denoiser(pumice, data, tmp_path):
     flags = [*TINY, "--only", "sky-floor", "--viewport", "--out", tmp_path]
@@ -49,5 +66,7 @@ def test_what_cannot_denoise_is_refused_before_anything_is_rendered(pumice, data
     assert "--oidn" in line and "No such file" in line
     line = run(pumice, "bench", "denoise", volume, "--oidn", "false", "--out", tmp_path / "out").refused()
     assert "expected a Python with the module pyoidn" in line
+    line = run(pumice, "bench", "denoise", volume, "--backend", "vulkan-none", "--out", tmp_path / "out").refused()
+    assert "backend vulkan-none: no such backend" in line
     assert "increasing" in run(pumice, "bench", "denoise", volume, "--spp", "4,1", "--out", tmp_path / "out").refused()
     assert not (tmp_path / "out").exists()

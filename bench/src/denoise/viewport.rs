@@ -21,6 +21,7 @@ use pumice_session::live::{Frame, Live, LiveOptions, LiveState};
 use pumice_session::open_meshes;
 use pumice_transport::LoadedScene;
 
+use super::DrawnBy;
 use crate::table::Row;
 
 /// FLIP at which a picture counts as close to the converged one.
@@ -84,12 +85,13 @@ pub(super) fn watched(
     scene: &Scene,
     volume: &Arc<CompressedVolume>,
     reference: &Image,
+    drawn_by: &mut DrawnBy,
     job: &Job,
 ) -> Result<Vec<Viewport>> {
     let expected = display_from_linear(reference);
     let mut results = Vec::new();
     for denoised in [false, true] {
-        let frames = frames(scene, volume, denoised, job)?;
+        let frames = frames(scene, volume, denoised, drawn_by, job)?;
         let judge = |frame: &Frame| -> Result<Shown> {
             job.check()?;
             let image = enlarged(frame, [reference.width, reference.height]);
@@ -127,10 +129,12 @@ fn frames(
     scene: &Scene,
     volume: &Arc<CompressedVolume>,
     denoise: bool,
+    drawn_by: &mut DrawnBy,
     job: &Job,
 ) -> Result<Vec<Arc<Frame>>> {
     let loaded = LoadedScene::new(scene.clone(), vec![Arc::clone(volume)], open_meshes(scene)?)?;
-    let live = Live::start(loaded, LiveOptions { backend: "cpu".into(), denoise, ..LiveOptions::default() })?;
+    let backend = drawn_by.backend.clone();
+    let live = Live::start(loaded, LiveOptions { backend, denoise, ..LiveOptions::default() })?;
     let next = |after: u64| -> Result<Arc<Frame>> {
         let begin = Instant::now();
         loop {
@@ -162,6 +166,8 @@ fn frames(
             let is_last = frame.cpu_seconds > WATCHED_CPU_SECONDS && !frame.coarse;
             frames.push(frame);
             if is_last {
+                let status = live.status();
+                drawn_by.remember(&status.device, status.notices);
                 live.stop();
                 return Ok(frames);
             }
