@@ -83,16 +83,14 @@ impl FirstWindow<'_> {
     /// For the pixels from (x, y) to the right: the mean of the window, and its variance. The pixel itself is one of the window, with weight
     /// 1, so that no sum of weights of one that takes part is 0. What is added is the window's mean difference from the pixel's own light, so
     /// that equal light stays equal to the bit.
-    #[expect(clippy::needless_range_loop, reason = "lanes of several arrays side by side")]
     fn mean_of(&self, x: usize, y: usize) -> ([Lanes; 3], [Lanes; 3]) {
         let layout = self.guides.layout;
-        let at = |x: usize, y: usize, column: usize| layout.place(x, y) + column - RADIUS;
         let own = self.compared(layout.place(x, y));
         let (mut weight, mut squared_weight) = ([0.0; LANES], [0.0; LANES]);
         let (mut light, mut spread) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for of_row in y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(layout.height) {
             for column in 0..=2 * RADIUS {
-                let at = at(x, of_row, column);
+                let at = layout.place(x, of_row) + column - RADIUS;
                 let other = self.compared(at);
                 let weights = weights(&self.test, &own, &other, &lanes(&self.light.takes_part, at), true);
                 for lane in 0..LANES {
