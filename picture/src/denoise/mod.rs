@@ -14,7 +14,7 @@
 //! cannot tell them apart for a long time, and such highlights left up to 2.8 times the error of the unfiltered picture. With fewer samples
 //! than classes (four) no variance is known; then everything may be equal, and label and surface decide alone.
 //!
-//! **Two windows** of 5 × 5 pixels ([`windows`]): the first of neighbours, the second of every third pixel of the first one's result, so that a
+//! **Two windows** of 5 × 5 pixels: the first of neighbours, the second of every third pixel of the first one's result, so that a
 //! pixel becomes the mean of up to 17 × 17. The variance of the first one's means follows from that of the pixels; where that is not known, from how
 //! the window's pixels differ. So the second window has a test at one sample a pixel already. It has no weight for noise, because a mean
 //! that takes less from noisier pixels loses the light of rare bright samples.

@@ -454,6 +454,8 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "cpu-renderer/src/traverse/volume_tracer.rs",
         &[
             ("VolumeTracer::is_hidden", CARRIED),
+            ("VolumeTracer::is_missed", "leaves out a search that finds nothing, which the shader does"),
+            ("VolumeTracer::is_left", "leaves out a search that finds nothing, which the shader does"),
             ("VolumeTracer::box_origin", BOX_KNOWN),
             ("VolumeTracer::is_smooth", COMPILED),
             ("VolumeTracer::label_at", "a query about a voxel, not about a ray"),
