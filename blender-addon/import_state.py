@@ -176,7 +176,7 @@ class PUMICE_OT_import_state(InBackground, bpy.types.Operator, ImportHelper):
 
 
 def _volume(context, name, opened, instance):
-    """The object of a layer, which looks as an instance of the scene."""
+    """A volume object for a layer, with place, shown labels, colors and material of `instance`, its entry in the scene."""
     registry.adopt(opened.filepath, opened.volume)
     place, volume, style = np.array(matrix.from_twelve(instance["world_from_index"])), opened.volume, instance["style"]
     obj = volume_object.create_at(

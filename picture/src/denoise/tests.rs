@@ -245,8 +245,8 @@ fn means_that_really_differ_are_not_mixed() {
     assert!(untested > 30.0 * noise, "{untested} of {noise}");
 }
 
-/// A shadow's edge at one sample a pixel: the first window's means tell by how their pixels differ that the two sides are not equal. Beyond its
-/// reach from the edge nothing of the other side arrives, though the wide window looks there.
+/// A shadow's edge at one sample a pixel: how the pixels of a first window differ is enough to tell its mean from one of the other side. So pixels
+/// further from the edge than the first window reaches get no light of the other side, though the wide window reads it.
 #[test]
 fn the_wide_window_keeps_to_its_side_of_a_shadow_where_no_variance_is_known() {
     let truth = Truth { label: &|_, _| 1, light: &|x, _| if x < 20 { 1.0 } else { 4.0 }, deviation: 0.2 };
