@@ -128,6 +128,22 @@ pub fn compress_part(
     chunks.check(&grid)?;
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     let (info, parts, labelled) = parts_of(source, chunks.voxels(&grid), options, &folder, job)?;
+    write_part(path, info, (parts, labelled), chunks, from, options, &folder, job)
+}
+
+/// Finishes what was read of some chunks, which exist, into a part.
+#[expect(clippy::too_many_arguments, reason = "each is another thing")]
+pub(crate) fn write_part(
+    path: &Path,
+    info: VolumeInfo,
+    (parts, labelled): (StoredParts, u64),
+    chunks: &ChunkSet,
+    from: &PartSource,
+    options: &CompressOptions,
+    folder: &Path,
+    job: &Job,
+) -> Result<WrittenVolume> {
+    let grid = ChunkGrid::new(info.dims);
     for code in parts.codes() {
         let number = grid.number(morton::decode(code).map(|c| c * CHUNK_VOXELS));
         if !chunks.contains(number) {
@@ -138,7 +154,7 @@ pub fn compress_part(
     }
     let known = Known { labelled: Some(labelled), touching: None };
     // As for the whole volume: what one chunk needs depends on the chunk.
-    let budget = Budget::new(options.memory_limit_bytes, info.dims, 1, &folder);
+    let budget = Budget::new(options.memory_limit_bytes, info.dims, parts.frames, folder);
     let head = file::PartHead::new(chunks.clone(), grid.chunks(), from.clone());
     let level = CompressionLevel::Default;
     let mut describe = |_: &mut CompressedVolume| Ok(());

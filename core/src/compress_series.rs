@@ -10,10 +10,11 @@
 
 use std::path::Path;
 
-use crate::compress::{checked, make_parts, store_for, write_parts};
+use crate::compress::{checked, make_parts, store_for, write_part, write_parts};
+use crate::store::StoredParts;
 use crate::{
-    BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Error, Job, LabelNote, Result,
-    VolumeInfo, WrittenVolume,
+    BlockSource, ChunkGrid, ChunkSet, CompressOptions, CompressedVolume, CompressionLevel, Error, Job,
+    LabelNote, PartSource, Result, VolumeInfo, WrittenVolume,
 };
 
 /// Delivers the frames of a time series, one after another.
@@ -48,17 +49,55 @@ pub fn compress_series_to_file(
     job: &Job,
 ) -> Result<WrittenVolume> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
+    let (info, parts, labelled) = parts_of(source, |info| Ok(info.voxels()), options, &folder, job)?;
+    write_parts(path, level, info, (parts, labelled), options, &folder, describe, job)
+}
+
+/// Compresses some chunks of a time series, at all frames, into a file that [`crate::merge_parts`] joins with those of the others. Each frame of
+/// `source` describes the whole volume and delivers the voxels of these chunks alone. Names and types are given when parts are joined;
+/// [`CompressOptions::types`] has no effect.
+///
+/// # Errors
+/// As [`compress_series_to_file`]; [`Error::Caller`] for chunks that the volume does not have, and for voxels of another chunk.
+pub fn compress_series_part(
+    source: &mut dyn SeriesSource,
+    chunks: &ChunkSet,
+    from: &PartSource,
+    path: &Path,
+    options: &CompressOptions,
+    job: &Job,
+) -> Result<WrittenVolume> {
+    let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
+    let expected = |info: &VolumeInfo| {
+        let grid = ChunkGrid::new(info.dims);
+        chunks.check(&grid)?;
+        Ok(chunks.voxels(&grid))
+    };
+    let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
+    write_part(path, info, (parts, labelled), chunks, from, options, &folder, job)
+}
+
+/// Reads all blocks of all frames; returns what the frames have in common, what their chunks have, and the number of labelled voxels. `expected`
+/// says how many voxels the blocks of a frame have.
+fn parts_of(
+    source: &mut dyn SeriesSource,
+    expected: impl Fn(&VolumeInfo) -> Result<u64>,
+    options: &CompressOptions,
+    folder: &Path,
+    job: &Job,
+) -> Result<(VolumeInfo, StoredParts, u64)> {
     let frames = source.frames();
-    let (mut first, mut store, mut labelled) = (None::<VolumeInfo>, None, 0);
+    let (mut first, mut store, mut voxels, mut labelled) = (None::<VolumeInfo>, None, 0, 0);
     for frame in 0..frames {
         job.check()?;
         let mut blocks = source.next_frame()?;
         let mut info = checked(blocks.info().clone())?;
-        let (notes, voxels) = (std::mem::take(&mut info.notes), info.voxels());
+        let notes = std::mem::take(&mut info.notes);
         match &mut first {
             None => {
-                job.begin(info.voxels().saturating_mul(frames.into()));
-                store = Some(store_for(info.dims, frames, options, &folder));
+                voxels = expected(&info)?;
+                job.begin(voxels.saturating_mul(frames.into()));
+                store = Some(store_for(info.dims, frames, options, folder));
                 first = Some(VolumeInfo { notes, ..info });
             }
             Some(first) => {
@@ -78,10 +117,11 @@ pub fn compress_series_to_file(
             labelled += make_parts(blocks.as_mut(), voxels, store, threads, limit, job)?;
         }
     }
-    let (Some(info), Some(store)) = (first, store) else {
+    let (Some(mut info), Some(store)) = (first, store) else {
         return Err(Error::Caller("a time series: expected at least one frame, got none".into()));
     };
-    write_parts(path, level, info, (store.into_parts()?, labelled), options, &folder, describe, job)
+    info.notes.shrink_to_fit();
+    Ok((info, store.into_parts()?, labelled))
 }
 
 /// What a frame has that differs from the first.

@@ -68,7 +68,7 @@ pub use bounds::Bounds;
 pub use box_record::BoxRecord;
 pub use chunk_set::{ChunkGrid, ChunkSet, VoxelRegion};
 pub use compress::{CompressOptions, compress, compress_labels, compress_part, compress_to_file};
-pub use compress_series::{SeriesSource, compress_series_to_file};
+pub use compress_series::{SeriesSource, compress_series_part, compress_series_to_file};
 pub use contacts::Contacts;
 pub use elements::Elements;
 pub use error::{Error, Result};

@@ -11,11 +11,11 @@
 
 use std::path::{Component, Path, PathBuf};
 
-use pumice_core::{BlockSource, SeriesSource};
+use pumice_core::{BlockSource, SeriesSource, VoxelRegion};
 
 use crate::error::{FormatError, Result};
 use crate::natural_order::natural;
-use crate::open::{open, probe};
+use crate::open::{open, open_regions, probe};
 use crate::options::{OpenOptions, Warnings};
 use crate::slice_numbers::{Gap, gap};
 
@@ -79,6 +79,8 @@ pub struct FileSeries {
     /// The file of each frame, and the time step of it where it has several.
     frames: Vec<(PathBuf, Option<u32>)>,
     options: OpenOptions,
+    /// The regions of each frame that are read; `None` for all of it.
+    regions: Option<Vec<VoxelRegion>>,
     next: usize,
 }
 
@@ -96,7 +98,7 @@ pub fn open_series(
     steps: Option<TimeSteps>,
     options: &OpenOptions,
 ) -> Result<Option<FileSeries>> {
-    let of = |frames| Ok(Some(FileSeries { frames, options: options.clone(), next: 0 }));
+    let of = |frames| Ok(Some(FileSeries { frames, options: options.clone(), regions: None, next: 0 }));
     match (inputs, steps) {
         ([one], None) if !is_pattern(one) => Ok(None),
         ([one], Some(steps)) if !is_pattern(one) => {
@@ -184,6 +186,11 @@ impl FileSeries {
         (path, *step)
     }
 
+    /// The same frames, of which only the voxels of these regions are delivered ([`open_regions`]).
+    pub fn of_regions(&self, regions: Vec<VoxelRegion>) -> Self {
+        Self { frames: self.frames.clone(), options: self.options.clone(), regions: Some(regions), next: 0 }
+    }
+
     /// Opens a frame, whatever was opened before.
     ///
     /// # Errors
@@ -198,7 +205,10 @@ impl FileSeries {
             warnings: warnings.clone(),
             ..self.options.clone()
         };
-        let source = open(path, &options)?;
+        let source = match &self.regions {
+            Some(regions) => open_regions(path, &options, regions)?,
+            None => open(path, &options)?,
+        };
         if quiet {
             let (this, first) = (path.to_string_lossy(), self.frames[0].0.to_string_lossy());
             let known = self.options.warnings.list();

@@ -11,10 +11,12 @@ import numpy.typing as npt
 
 from . import _native, arguments
 from .arguments import Choice, Level, Path
+from .blocks import Frame
 from .checked import checked
 from .compressing import labels_given, limits_of, outcome_of
 from .errors import InputError
 from .label_table import AnnotationTable
+from .series import TimeSteps, described_frames, steps_text
 from .volume import choice_of, described_source, warn
 
 Job = _native.Job
@@ -67,10 +69,11 @@ def compress_file(
 
 @checked
 def compress_part(
-    source: Path | Any,
+    source: Path | Sequence[Path] | Sequence[Any] | Any,
     out: Path,
     chunks: Chunks,
     *,
+    time_steps: TimeSteps | None = None,
     fingerprint: str = "",
     spacing: Sequence[float] | None = None,
     unit: str = "",
@@ -84,20 +87,27 @@ def compress_part(
     """Compresses some `chunks` of `source` into the part `out`: a number, numbers, or a text such as `"0,4-7"`. Only their voxels are read.
 
     `source` and the other keywords are as for `compress`, those of reading as for `open`; names, types and numbers of a table are given to
-    `merge`. A file is told from others by its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts
+    `merge`. A time series, and `time_steps`, are as for `compress_series`: a part has its chunks at all time steps. A file is told from others by its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts
     with others are not merged."""
     text = _text_of(chunks)
     limits = limits_of(memory_limit, threads)
-    described, read_as = described_source(source, spacing, unit, world_from_index, names, choice_of(source, choice), text)
+    if isinstance(source, (list, tuple)):
+        frames = source
+    else:
+        is_series = len(getattr(source, "shape", ())) == 4
+        frames = [Frame(source, step) for step in range(source.shape[0])] if is_series else [source]
+    described, read_as = described_frames(frames, time_steps, spacing, unit, world_from_index, names, choice, text)
     name, told = "", ""
-    if not isinstance(source, (str, os.PathLike)):
-        name, told = "an array", f"{source.dtype} {tuple(source.shape)} {fingerprint}"
+    if not isinstance(described[0], str):
+        # The number of time steps is compared by itself.
+        name, told = "an array", f"{frames[0].dtype} {tuple(frames[0].shape)} {fingerprint}"
     elif fingerprint:
         raise InputError("fingerprint: a file is told by its content; only arrays take it")
     odd = _native.compress_part(
         described,
         arguments.path("out", out),
         chunks=text,
+        time_steps=steps_text(time_steps),
         source_name=name,
         fingerprint=told,
         **limits,
@@ -119,11 +129,11 @@ def merge(
     threads: int = 0,
     job: Job | None = None,
 ) -> dict[str, Any]:
-    """Joins the `parts` of a volume, in any order, to the `.pumice` file `out`: the bytes that `pumice compress` makes of the whole volume. InputError
+    """Joins the `parts` of a volume or of a time series, in any order, to the `.pumice` file `out`: the bytes that `pumice compress` makes of the whole volume. InputError
     names the part that does not belong to the others, and chunks that are missing or come twice.
 
     `level` is as for `Volume.save`, `types` and `table` as for `compress`. One chunk is in memory at a time, beside the table of labels. Returns
-    `dims`, and the numbers of `labels`, `boxes` and `bytes_disk`."""
+    `dims`, and the numbers of `labels`, `boxes` and `bytes_disk`, of a time series also of `time_steps`."""
     given, told = labels_given(types, table)
     limits = limits_of(memory_limit, threads)
     if isinstance(parts, (str, bytes, os.PathLike)):

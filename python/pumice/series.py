@@ -36,6 +36,8 @@ def compress_series(
     table: AnnotationTable | Path | None = None,
     memory_limit: int | None = None,
     threads: int = 0,
+    resume: bool = False,
+    restart: bool = False,
     job: Job | None = None,
     **choice: Unpack[Choice],
 ) -> dict[str, Any]:
@@ -45,31 +47,51 @@ def compress_series(
     place of a number, or a list of paths; an array[t, x, y, z], with `axes="zyx"` an array[t, z, y, x]; or a list of arrays of three axes. One time
     step is read at a time. All must have the same size, type and place. Labels have one table for all time steps.
 
+    With `resume`, finished chunks of files are kept in the folder `out` + `.parts` until all are done, and those that are there are not made again;
+    `restart` removes them first. An array takes neither: see `compress_part`.
+
     `level` is that of `Volume.save`, the other keywords are as for `compress`, those of reading a file as for `open`. Returns `dims`, and the
     numbers of `time_steps`, `labels`, `boxes` and `bytes_disk`."""
     given, told = labels_given(types, table)
     limits = limits_of(memory_limit, threads)
-    described: list[Any] = []
-    read_as = arguments.ReadAs()
-    for frame in _frames_of(source):
-        one, read_as = described_source(frame, spacing, unit, world_from_index, names, choice_of(frame, choice))
-        described.append(one)
-    if len({isinstance(one, str) for one in described}) != 1:
-        raise InputError("source: expected paths alone, or arrays alone, of at least one time step")
-    if time_steps is not None and not isinstance(described[0], str):
-        raise InputError("time_steps: an array is read as it is; choose by slicing it")
+    described, read_as = described_frames(_frames_of(source), time_steps, spacing, unit, world_from_index, names, choice)
     written, odd = _native.compress_series(
         described,
         arguments.path("out", out),
-        time_steps=_text_of(time_steps),
+        time_steps=steps_text(time_steps),
         level=level,
         given=given,
         **limits,
+        resume=resume,
+        restart=restart,
         read_as=read_as,
         job=job,
     )
     warn([*told, *odd])
     return outcome_of(written)
+
+
+def described_frames(
+    frames: Sequence[Any],
+    time_steps: TimeSteps | None,
+    spacing: Sequence[float] | None,
+    unit: str,
+    world_from_index: npt.ArrayLike | None,
+    names: Mapping[int, str] | None,
+    choice: Choice,
+    chunks: str | None = None,
+) -> tuple[list[Any], arguments.ReadAs]:
+    """Frames as the compiled part takes them, and how they are read: some `chunks` of arrays alone, where they are given."""
+    described: list[Any] = []
+    read_as = arguments.ReadAs()
+    for frame in frames:
+        one, read_as = described_source(frame, spacing, unit, world_from_index, names, choice_of(frame, choice), chunks)
+        described.append(one)
+    if len({isinstance(one, str) for one in described}) != 1:
+        raise InputError("source: expected paths alone, or arrays alone, of at least one time step")
+    if time_steps is not None and not isinstance(described[0], str):
+        raise InputError("time_steps: an array is read as it is; choose by slicing it")
+    return described, read_as
 
 
 def _frames_of(source: Any) -> Sequence[Any]:
@@ -85,7 +107,8 @@ def _frames_of(source: Any) -> Sequence[Any]:
     return [Frame(source, step) for step in range(source.shape[0])]
 
 
-def _text_of(time_steps: TimeSteps | None) -> str | None:
+def steps_text(time_steps: TimeSteps | None) -> str | None:
+    """Time steps as the command takes them."""
     if time_steps is None or isinstance(time_steps, str):
         return time_steps
     try:

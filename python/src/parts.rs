@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use pumice_core::{
     ChunkGrid, ChunkSet, CompressOptions, Outputs, PartSource, VoxelRegion, WrittenVolume,
-    compress_part as core_part, compress_to_file, merge_parts,
+    compress_series_part, compress_to_file, merge_parts,
 };
 use pumice_session::{PartRequest, SessionError, describing};
 use pyo3::prelude::*;
@@ -12,7 +12,8 @@ use serde_json::json;
 
 use crate::errors::{IntoException as _, input};
 use crate::job::{Job, job_of};
-use crate::volume::{Given, ReadAs, Source, level_of, reading, with_source};
+use crate::series::{Frames, with_frames};
+use crate::volume::{Given, ReadAs, Source, level_of, parsed, reading, with_source};
 use crate::waiting::released;
 
 fn set_of(chunks: &str) -> PyResult<ChunkSet> {
@@ -33,16 +34,17 @@ pub(crate) fn chunk_regions(dims: [u32; 3], chunks: &str) -> PyResult<Vec<VoxelR
     Ok(chunks.iter().filter_map(|number| grid.region(number)).collect())
 }
 
-/// Compresses some chunks of a file, or of blocks that are of these chunks alone, into a part; returns the reader's warnings. `source_name` and
-/// `fingerprint` tell blocks from those of other sources; a file says that itself.
+/// Compresses some chunks of a file or of a series of files, or of the blocks of one or several frames that are of these chunks alone, into a part;
+/// returns the reader's warnings. `source_name` and `fingerprint` tell blocks from those of other sources; files say that themselves.
 #[pyfunction]
-#[pyo3(signature = (source, out, *, chunks, source_name, fingerprint, memory_limit=None, threads=0, read_as, job=None))]
+#[pyo3(signature = (frames, out, *, chunks, time_steps=None, source_name, fingerprint, memory_limit=None, threads=0, read_as, job=None))]
 #[allow(clippy::too_many_arguments, reason = "the keywords of the façade")]
 pub(crate) fn compress_part(
     py: Python<'_>,
-    source: Source,
+    frames: Frames,
     out: PathBuf,
     chunks: &str,
+    time_steps: Option<String>,
     source_name: String,
     fingerprint: String,
     memory_limit: Option<u64>,
@@ -52,21 +54,25 @@ pub(crate) fn compress_part(
 ) -> PyResult<Vec<String>> {
     let job = job_of(job);
     let (chunks, reading) = (set_of(chunks)?, reading(read_as)?);
-    if let Source::Path(path) = source {
-        let request = PartRequest {
-            input: path,
-            output: out,
-            chunks,
-            reading,
-            threads: (threads > 0).then_some(threads),
-            memory_limit_bytes: memory_limit,
-        };
-        return Ok(released(py, &job, || pumice_session::compress_part_file(&request, &job))?.warnings);
-    }
+    let frames = match frames {
+        Frames::Files(inputs) => {
+            let request = PartRequest {
+                inputs,
+                time_steps: parsed("time_steps", time_steps)?,
+                output: out,
+                chunks,
+                reading,
+                threads: (threads > 0).then_some(threads),
+                memory_limit_bytes: memory_limit,
+            };
+            return Ok(released(py, &job, || pumice_session::compress_part_file(&request, &job))?.warnings);
+        }
+        Frames::Blocks(frames) => frames,
+    };
     let options = CompressOptions { threads, memory_limit_bytes: memory_limit, ..CompressOptions::default() };
     let from = PartSource { name: source_name, fingerprint, reading: reading.to_string() };
-    with_source(py, source, &reading, &job, |source| {
-        Ok(core_part(source, &chunks, &from, &out, &options, &job)?)
+    with_frames(py, frames, &job, |source| {
+        Ok(compress_series_part(source, &chunks, &from, &out, &options, &job)?)
     })?;
     Ok(reading.warnings.list())
 }
@@ -105,12 +111,15 @@ pub(crate) fn compress_file(
 
 /// What was written as JSON text.
 fn told(written: &WrittenVolume) -> String {
-    let told = json!({
+    let mut told = json!({
         "dims": written.dims,
         "labels": written.labels,
         "boxes": written.boxes,
         "bytes_disk": written.bytes_disk,
     });
+    if written.frames > 1 {
+        told["time_steps"] = written.frames.into();
+    }
     told.to_string()
 }
 

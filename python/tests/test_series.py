@@ -94,3 +94,54 @@ def test_bad_series_are_refused(frames, tmp_path):
         with pytest.raises(pumice.InputError, match=what):
             pumice.compress_series(source, out, **keywords)
     assert not out.exists()
+
+
+def test_parts_of_a_series_are_the_series(tmp_path):
+    """Three chunks along x. The oracle is one run, which other tests compare with the arrays."""
+    t, z, y, x = np.ogrid[:3, :2, :9, :2060]
+    frames = ((x // 37 + y // 4 + z + t * (x > 1500)) % 5 * 1001).astype(np.uint32)
+    pumice.compress_series(frames, tmp_path / "whole.pumice", axes="zyx")
+    stored = zarr.create_array(tmp_path / "a.zarr", shape=frames.shape, dtype="u4", chunks=(1, 2, 9, 700))
+    stored[:] = frames
+    parts = [tmp_path / name for name in "abc"]
+    for part, source, chunks in zip(parts, (frames, list(frames), stored), (2, 0, [1]), strict=True):
+        pumice.compress_part(source, part, chunks, axes="zyx", fingerprint="v1")
+    told = pumice.merge(parts, tmp_path / "out.pumice")
+    assert (told["time_steps"], told["dims"]) == (3, (2060, 9, 2))
+    assert (tmp_path / "out.pumice").read_bytes() == (tmp_path / "whole.pumice").read_bytes()
+    pumice.compress_part(frames[:2], parts[0], 2, axes="zyx", fingerprint="v1")
+    with pytest.raises(pumice.InputError, match="expected 2 time steps, got 3"):
+        pumice.merge(parts, tmp_path / "other.pumice")
+    with pytest.raises(pumice.InputError, match="time_steps: an array"):
+        pumice.compress_part(frames, parts[0], 2, time_steps="all")
+
+
+def test_parts_of_files_and_what_goes_on(tmp_path):
+    x = np.arange(2060)[:, None, None] // 41 + np.arange(3)[None, :, None] + np.zeros((1, 1, 2), int)
+    for step in range(3):
+        np.save(tmp_path / f"f{step}.npy", (x * (step + 1) % 6).astype(np.uint16))
+    source, out = tmp_path / "f{t}.npy", tmp_path / "out.pumice"
+    told = pumice.compress_series(source, out, axes="xyz")
+    whole = out.read_bytes()
+    for chunks in ("0,2", "1"):
+        pumice.compress_part(source, tmp_path / chunks, chunks, time_steps=(0, 2), axes="xyz")
+    pumice.merge([tmp_path / "1", tmp_path / "0,2"], out)
+    assert out.read_bytes() == whole
+    job = pumice.Job()
+    job.cancel()
+    with pytest.raises((pumice.Cancelled, pumice.InputError)):
+        pumice.compress_series(source, out, axes="xyz", resume=True, job=job)
+    kept = tmp_path / "out.pumice.parts"
+    assert (kept / "manifest.json").exists()
+    # What is there is taken as it is: what is no part is refused when all are merged.
+    (kept / "000001.part").write_bytes(b"no part")
+    with pytest.raises(pumice.InputError, match=r"000001\.part.*3 of 3 parts are kept"):
+        pumice.compress_series(source, out, axes="xyz", resume=True)
+    assert pumice.compress_series(source, out, axes="xyz", restart=True) == told
+    assert out.read_bytes() == whole and not kept.exists()
+    pumice.compress_series(source, out, axes="xyz", resume=True, types={1: "soma"})
+    assert pumice.open(out, time=0).labels.types[0] == "soma"
+    with pytest.raises(pumice.InputError, match="only files take them"):
+        pumice.compress_series([np.ones((2, 2, 2), np.uint8)], out, resume=True)
+    with pytest.raises(pumice.InputError, match="give one of them"):
+        pumice.compress_series(source, out, resume=True, restart=True)

@@ -124,7 +124,11 @@ def made(small, tmp_path_factory):
                 **{"types": {1: "a"}, "memory_limit": 1 << 30, "threads": 1, "job": None, "axes": "xyz"},
             },
         ),
-        "compress_series of a file": (pumice.compress_series, {"source": folder / "t.tif", "out": "out.pumice", "time_steps": "all"}),
+        "compress_series of a file": (
+            pumice.compress_series,
+            {"source": folder / "t.tif", "out": "out.pumice", "time_steps": "all", "resume": True, "restart": False},
+        ),
+        "compress_part of a series": (pumice.compress_part, {"source": folder / "t.tif", "out": "out.part", "chunks": 0, "time_steps": "all"}),
         "distinct_colors": (pumice.distinct_colors, {"count": 3, "color_blind_safe": True}),
         "Volume.save": (volume.save, {"path": "out.pumice", "level": "fast", "job": None}),
         "Volume.verify": (volume.verify, {"source": small, "job": None, "axes": "xyz"}),
@@ -199,7 +203,7 @@ def made(small, tmp_path_factory):
 # The names in `made`, which needs a volume, and so is a fixture.
 NAMES = [
     *["open", "open labels", "open raw", "probe", "compress", "compress with a table", "compress a file", "distinct_colors"],
-    *["chunk_count", "compress_file", "compress_file with a table", "compress_part", "merge", "compress_series", "compress_series of a file"],
+    *["chunk_count", "compress_file", "compress_file with a table", "compress_part", "merge", "compress_series", "compress_series of a file", "compress_part of a series"],
     *["Volume.save", "Volume.verify", "Volume.decode", "Volume.label_at", "Volume.faces", "Volume.coarse_surface", "Volume.with_labels"],
     *["LabelTable.index_of", "LabelTable.rows_of", "LabelTable.isin", "LabelTable.query", "LabelTable.auto_colors"],
     *["AnnotationTable", "AnnotationTable.save"],

@@ -37,29 +37,6 @@ pub struct CompressRequest {
     pub table: Option<PathBuf>,
 }
 
-impl CompressRequest {
-    /// The only input of a compression that takes one volume alone.
-    ///
-    /// # Errors
-    /// For a time series, which names the option that takes none.
-    pub fn one_input(&self, option: &str) -> Result<&Path> {
-        one_input(&self.inputs, option)
-    }
-}
-
-/// The only one of some inputs.
-///
-/// # Errors
-/// Where there are several, or a name stands for several, with the option that takes one volume.
-pub fn one_input<'i>(inputs: &'i [PathBuf], option: &str) -> Result<&'i Path> {
-    match inputs {
-        [input] if !is_pattern(input) => Ok(input),
-        _ => Err(SessionError::Caller(format!(
-            "{option} takes one volume, and several files are a time series: compress it without {option}"
-        ))),
-    }
-}
-
 /// Sizes and times of a compression.
 #[derive(Clone, Debug, Serialize)]
 pub struct CompressOutcome {
@@ -164,12 +141,18 @@ impl CompressOutcome {
 }
 
 /// What a caller says of the labels, read before the work.
-pub(crate) struct LabelsGiven {
+#[derive(Debug)]
+pub struct LabelsGiven {
     pub(crate) types: Option<TypeTable>,
     table: Option<(pumice_core::AnnotationTable, Vec<String>)>,
 }
 
 impl LabelsGiven {
+    /// Types, or a table.
+    pub fn new(types: Option<TypeTable>, table: Option<pumice_core::AnnotationTable>) -> Self {
+        Self { types, table: table.map(|table| (table, Vec::new())) }
+    }
+
     /// Reads the files that are given; neither may be an output.
     pub(crate) fn read(types: Option<&Path>, table: Option<&Path>, outputs: &Outputs) -> Result<Self> {
         types.iter().chain(&table).try_for_each(|table| outputs.check_input(table))?;

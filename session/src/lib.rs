@@ -21,6 +21,7 @@ pub mod neuroglancer;
 pub mod npy;
 pub mod open;
 pub mod part_files;
+mod part_input;
 pub mod persistent_renderer;
 pub mod pick_pixels;
 pub mod plot;
@@ -40,7 +41,7 @@ pub mod verify_render;
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
 pub use compare_files::compare_pictures;
 pub use compress_file::{
-    CompressOutcome, CompressRequest, Verified, compress_file, one_input, read_types, verify_file,
+    CompressOutcome, CompressRequest, LabelsGiven, Verified, compress_file, read_types, verify_file,
 };
 pub use decompress_file::{StoreName, WriteAs, decompress_file, write_labels_of};
 pub use error::SessionError;
@@ -76,7 +77,7 @@ pub use render_file::{
     NumberedPicture, PageFigures, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered,
     Subject, render_file, render_time_steps, render_turntable,
 };
-pub use resumable::{KeptParts, compress_resumable, parts_folder};
+pub use resumable::{KeptParts, compress_resumable, compress_resumable_with, parts_folder};
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
 pub use threads::with_threads;

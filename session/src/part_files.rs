@@ -1,24 +1,23 @@
-//! Compresses some chunks of a volume into a part, and joins parts to the volume's file.
+//! Compresses some chunks of a volume or of a time series into a part, and joins parts to the file of all chunks.
 
 use std::path::PathBuf;
 
-use pumice_core::{
-    ChunkGrid, ChunkSet, CompressOptions, CompressionLevel, Job, Outputs, VolumeInfo, VoxelRegion,
-    compress_part, merge_parts,
-};
-use pumice_formats::{OpenOptions, Warnings};
+use pumice_core::{ChunkGrid, ChunkSet, CompressOptions, CompressionLevel, Job, Outputs, merge_parts};
+use pumice_formats::{OpenOptions, TimeSteps};
 use serde::Serialize;
 
-use crate::compress_file::{CompressOutcome, LabelsGiven, limit_error};
-use crate::error::{Result, SessionError};
+use crate::compress_file::{CompressOutcome, LabelsGiven};
+use crate::error::Result;
 use crate::measure::Stopwatch;
-use crate::source_fingerprint::source_of;
+use crate::part_input::PartInput;
 
 /// Input, output and options of [`compress_part_file`].
 #[derive(Clone, Debug)]
 pub struct PartRequest {
-    /// Label volume.
-    pub input: PathBuf,
+    /// Label volume; several files, or a name with `{t}` in place of a number, are the frames of a time series.
+    pub inputs: Vec<PathBuf>,
+    /// Which time steps of the input are frames; `None` where the input is one volume, or all of a series of files.
+    pub time_steps: Option<TimeSteps>,
     /// The part.
     pub output: PathBuf,
     /// Numbers of its chunks.
@@ -40,6 +39,9 @@ pub struct PartOutcome {
     pub cpu_seconds: f64,
     /// Voxels of the whole volume along x, y, z.
     pub dims: [u32; 3],
+    /// Number of frames of a time series; `None` where the part is of one volume.
+    #[serde(skip_serializing_if = "Option::is_none")]
+    pub time_steps: Option<u32>,
     /// Numbers of the part's chunks: `0,4-7`.
     pub chunks: ChunkSet,
     /// Number of chunks of the whole volume.
@@ -54,25 +56,22 @@ pub struct PartOutcome {
     pub warnings: Vec<String>,
 }
 
-/// The description of a volume, without the warnings of its reader.
-pub(crate) fn info_of(input: &std::path::Path, reading: &OpenOptions) -> Result<VolumeInfo> {
-    let silent = OpenOptions { warnings: Warnings::default(), ..reading.clone() };
-    Ok(pumice_formats::probe(input, &silent)?.info)
-}
-
-/// Compresses some chunks of a volume into a part.
+/// Compresses some chunks of a volume, or of a time series at all frames, into a part.
 ///
 /// # Errors
 /// One line that says what is wrong with the input, the chunks, the output or the limits; the output name is then unchanged.
 pub fn compress_part_file(request: &PartRequest, job: &Job) -> Result<PartOutcome> {
     let clock = Stopwatch::start();
     request.reading.outputs.declare(&request.output)?;
-    let info = info_of(&request.input, &request.reading)?;
-    let written = write_part(request, &info, job)?;
+    let input = PartInput::new(&request.inputs, request.time_steps, &request.reading)?;
+    let (source, info) = (input.source()?, input.info()?);
+    let limits = (request.threads, request.memory_limit_bytes);
+    let written = input.write_part(&request.chunks, (&source, &info), &request.output, limits, job)?;
     Ok(PartOutcome {
         seconds: clock.seconds(),
         cpu_seconds: clock.cpu_seconds(),
         dims: written.dims,
+        time_steps: (written.frames > 1).then_some(written.frames),
         chunks: request.chunks.clone(),
         of: ChunkGrid::new(written.dims).chunks(),
         labels: written.labels,
@@ -80,27 +79,6 @@ pub fn compress_part_file(request: &PartRequest, job: &Job) -> Result<PartOutcom
         bytes_disk: written.bytes_disk,
         warnings: request.reading.warnings.list(),
     })
-}
-
-/// Writes a part of the volume that `info` describes.
-pub(crate) fn write_part(
-    request: &PartRequest,
-    info: &VolumeInfo,
-    job: &Job,
-) -> Result<pumice_core::WrittenVolume> {
-    let grid = ChunkGrid::new(info.dims);
-    let of_input = |e: pumice_core::Error| SessionError::Caller(format!("{}: {e}", request.input.display()));
-    request.chunks.check(&grid).map_err(of_input)?;
-    let regions: Vec<VoxelRegion> = request.chunks.iter().filter_map(|number| grid.region(number)).collect();
-    let from = source_of(&request.input, &request.reading)?;
-    let mut source = pumice_formats::open_regions(&request.input, &request.reading, &regions)?;
-    let options = CompressOptions {
-        threads: request.threads.unwrap_or(0),
-        memory_limit_bytes: request.memory_limit_bytes,
-        ..CompressOptions::default()
-    };
-    compress_part(source.as_mut(), &request.chunks, &from, &request.output, &options, job)
-        .map_err(|e| limit_error(e, &request.input, request.memory_limit_bytes))
 }
 
 /// Parts, output and options of [`merge_files`].
@@ -122,7 +100,7 @@ pub struct MergeRequest {
     pub table: Option<PathBuf>,
 }
 
-/// Joins the parts of a volume to the file that compressing it at once gives.
+/// Joins the parts of a volume or of a time series to the file that compressing it at once gives.
 ///
 /// # Errors
 /// One line that names the part which is damaged or does not belong to the others, or the chunks that are missing; the output name is then
@@ -132,6 +110,16 @@ pub fn merge_files(request: &MergeRequest, outputs: &Outputs, job: &Job) -> Resu
     outputs.declare(&request.output)?;
     request.parts.iter().try_for_each(|part| outputs.check_input(part))?;
     let labels = LabelsGiven::read(request.types.as_deref(), request.table.as_deref(), outputs)?;
+    merge_with(request, labels, &clock, job)
+}
+
+/// Joins parts with labels that were read, whatever files the request names.
+pub(crate) fn merge_with(
+    request: &MergeRequest,
+    labels: LabelsGiven,
+    clock: &Stopwatch,
+    job: &Job,
+) -> Result<CompressOutcome> {
     let options = CompressOptions {
         threads: request.threads.unwrap_or(0),
         memory_limit_bytes: request.memory_limit_bytes,
@@ -141,5 +129,5 @@ pub fn merge_files(request: &MergeRequest, outputs: &Outputs, job: &Job) -> Resu
     let (written, fit) = labels.describing(|describe| {
         Ok(merge_parts(&request.parts, &request.output, request.level, &options, describe, job)?)
     })?;
-    Ok(CompressOutcome::of(&written, &clock, Vec::new(), fit))
+    Ok(CompressOutcome::of(&written, clock, Vec::new(), fit))
 }

@@ -2,22 +2,22 @@
 //!
 //! ```text
 //! OUT.pumice.parts/     manifest.json      source, options, how many parts
-//!                       000000.part …      a chunk each, or a layer of chunks: whole files under their names, or not there
+//!                       000000.part …      a chunk each, or a layer of chunks, at all time steps: whole files under their names, or not there
 //! all parts there       merged to OUT.pumice, which appears at once; then the folder is removed
 //! ```
 //! What can be lost is the part that was being made.
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::{ChunkGrid, ChunkSet, Job, Outputs, PartSource, VolumeInfo, read_input, write_text};
-use pumice_formats::{OpenOptions, Reach};
+use pumice_core::{ChunkGrid, ChunkSet, Job, PartSource, VolumeInfo, read_input, write_text};
+use pumice_formats::Reach;
 use serde::{Deserialize, Serialize};
 
 use crate::compress_file::{CompressOutcome, CompressRequest, LabelsGiven};
 use crate::error::{Result, SessionError, io};
 use crate::measure::Stopwatch;
-use crate::part_files::{MergeRequest, PartRequest, info_of, merge_files, write_part};
-use crate::source_fingerprint::{changes_of, source_of};
+use crate::part_files::{MergeRequest, merge_with};
+use crate::part_input::PartInput;
 
 /// What to do with the parts that an interrupted compression left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -72,22 +72,33 @@ pub(crate) fn check_no_leftovers(output: &Path) -> Result<()> {
 /// As [`crate::compress_file()`]; for a source that can only be read from its beginning, and for parts of another source or of one that has
 /// changed since. The error says how many parts are kept.
 pub fn compress_resumable(request: &CompressRequest, kept: KeptParts, job: &Job) -> Result<CompressOutcome> {
+    let (types, table) = (request.types.as_deref(), request.table.as_deref());
+    compress_resumable_with(request, || LabelsGiven::read(types, table, &request.reading.outputs), kept, job)
+}
+
+/// The same with labels that `labels` gives, whatever files the request names.
+///
+/// # Errors
+/// As [`compress_resumable`].
+pub fn compress_resumable_with(
+    request: &CompressRequest,
+    labels: impl FnOnce() -> Result<LabelsGiven>,
+    kept: KeptParts,
+    job: &Job,
+) -> Result<CompressOutcome> {
     let clock = Stopwatch::start();
-    let input = request.one_input(match kept {
-        KeptParts::GoOn => "--resume",
-        KeptParts::Remove => "--restart",
-    })?;
     let folder = parts_folder(&request.output);
     let reading = &request.reading;
     // What would be refused at the end is refused before the work.
     reading.outputs.declare(&request.output)?;
-    LabelsGiven::read(request.types.as_deref(), request.table.as_deref(), &reading.outputs)?;
-    let info = info_of(input, reading)?;
-    let groups = groups(input, reading, &info)?;
+    let labels = labels()?;
+    let input = PartInput::new(&request.inputs, request.time_steps, reading)?;
+    let info = input.info()?;
+    let groups = groups(&input, &info)?;
     let manifest = Manifest {
         about: "finished parts of an interrupted `pumice compress`, for --resume".into(),
-        source: source_of(input, reading)?,
-        changes: changes_of(input, reading)?,
+        source: input.source()?,
+        changes: input.changes()?,
         dims: info.dims,
         parts: groups.len(),
     };
@@ -101,19 +112,12 @@ pub fn compress_resumable(request: &CompressRequest, kept: KeptParts, job: &Job)
         for (chunks, part) in groups.iter().zip(&parts) {
             job.check()?;
             if !part.exists() {
-                let request = PartRequest {
-                    input: input.to_owned(),
-                    output: part.clone(),
-                    chunks: chunks.clone(),
-                    reading: reading.clone(),
-                    threads: request.threads,
-                    memory_limit_bytes: request.memory_limit_bytes,
-                };
-                write_part(&request, &info, job)?;
+                let limits = (request.threads, request.memory_limit_bytes);
+                input.write_part(chunks, (&manifest.source, &info), part, limits, job)?;
             }
         }
-        if changes_of(input, reading)? != manifest.changes {
-            let input = input.display();
+        if input.changes()? != manifest.changes {
+            let input = input.path().display();
             return Err(SessionError::Caller(format!(
                 "{input}: the source changed while it was read; compress it again with --restart"
             )));
@@ -124,10 +128,10 @@ pub fn compress_resumable(request: &CompressRequest, kept: KeptParts, job: &Job)
             level: request.level,
             threads: request.threads,
             memory_limit_bytes: request.memory_limit_bytes,
-            types: request.types.clone(),
-            table: request.table.clone(),
+            types: None,
+            table: None,
         };
-        merge_files(&merge, &Outputs::default(), job)
+        merge_with(&merge, labels, &clock, job)
     };
     let outcome = work().map_err(|error| {
         SessionError::Caller(format!(
@@ -143,10 +147,11 @@ pub fn compress_resumable(request: &CompressRequest, kept: KeptParts, job: &Job)
 }
 
 /// The chunks of each part: as few as the source gives without reading others too.
-fn groups(input: &Path, reading: &OpenOptions, info: &VolumeInfo) -> Result<Vec<ChunkSet>> {
+fn groups(input: &PartInput, info: &VolumeInfo) -> Result<Vec<ChunkSet>> {
     let grid = ChunkGrid::new(info.dims);
     ChunkSet::all(&grid).check(&grid)?;
-    match pumice_formats::reach(input, reading)? {
+    let (reach, file) = input.reach()?;
+    match reach {
         Reach::Regions => Ok((0..grid.chunks()).map(|number| ChunkSet::of([number])).collect()),
         Reach::Layers(axis) => {
             let mut layers: std::collections::BTreeMap<u32, Vec<u64>> = Default::default();
@@ -160,7 +165,7 @@ fn groups(input: &Path, reading: &OpenOptions, info: &VolumeInfo) -> Result<Vec<
         Reach::Stream => Err(SessionError::Caller(format!(
             "{}: --resume and --restart: its voxels are one compressed stream, which can only be read from its beginning, so no parts are \
              kept; compress it without the option, or store it as Zarr, or without compression",
-            input.display()
+            file.display()
         ))),
     }
 }

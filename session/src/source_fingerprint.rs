@@ -6,6 +6,7 @@
 //! store (server)   the same files, at the top alone
 //! other folder     names and lengths of its files (TIFF slices)
 //! both             the table of joined ids, in the same way
+//! time series      all of its files or stores, one after another
 //! ```
 //! It depends on no path and no time, so copies on several machines have the same one. A change of voxels that keeps all lengths may go unseen.
 
@@ -33,32 +34,43 @@ const METADATA: [&str; 7] =
 /// # Errors
 /// When the source or the table of joined ids cannot be read.
 pub fn source_of(path: &Path, reading: &OpenOptions) -> Result<PartSource> {
+    source_of_all(&[path], reading)
+}
+
+/// The same for a time series in these files or folders, one after another.
+///
+/// # Errors
+/// As [`source_of`].
+pub(crate) fn source_of_all(paths: &[&Path], reading: &OpenOptions) -> Result<PartSource> {
     let mut hash = Xxh3::new();
+    paths.iter().try_for_each(|path| add_source(path, &mut hash))?;
+    reading.relabel.iter().try_for_each(|table| add_file(table, &mut hash))?;
+    let path = paths.first().copied().unwrap_or(Path::new(""));
+    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
+    Ok(PartSource { name, fingerprint: format!("{:032x}", hash.digest128()), reading: reading.to_string() })
+}
+
+/// Adds what tells a file or folder from others.
+fn add_source(path: &Path, hash: &mut Xxh3) -> Result<()> {
     if is_on_server(path) {
         for (name, bytes) in server_descriptions(path)? {
             hash.update(name.as_bytes());
             hash.update(&(bytes.len() as u64).to_le_bytes());
             hash.update(&bytes);
         }
-        reading.relabel.iter().try_for_each(|table| add_file(table, &mut hash))?;
-        return Ok(source(path, &hash, reading));
+        return Ok(());
     }
     let files = files_of(path)?;
-    for file in files.iter().chain(&reading.relabel) {
+    for file in &files {
         if path.is_dir() {
             hash.update(file.file_name().unwrap_or_default().as_encoded_bytes());
         }
-        add_file(file, &mut hash)?;
+        add_file(file, hash)?;
     }
     if files.is_empty() {
-        add_names(path, &mut hash)?;
+        add_names(path, hash)?;
     }
-    Ok(source(path, &hash, reading))
-}
-
-fn source(path: &Path, hash: &Xxh3, reading: &OpenOptions) -> PartSource {
-    let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
-    PartSource { name, fingerprint: format!("{:032x}", hash.digest128()), reading: reading.to_string() }
+    Ok(())
 }
 
 /// When a source was changed last, as far as its fingerprint sees its files: seconds and nanoseconds since 1970, and the length of each. Of

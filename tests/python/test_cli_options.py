@@ -35,9 +35,9 @@ OPTIONS = {
         **dict.fromkeys(["--out", "--json", "--threads", "--memory-limit"], ""),
         **dict.fromkeys(["--level", "--types"], "with --chunks"),
         "--table": "with --types, and with --chunks",
-        "--chunks": "with --level, --types, --table, --resume, --restart, --time-steps and several inputs",
-        **dict.fromkeys(["--resume", "--restart"], "with --chunks, --time-steps, several inputs, with each other, and for a compressed stream"),
-        "--time-steps": "with --time-step, --chunks, --resume and --restart, and where the input has one time step",
+        "--chunks": "with --level, --types, --table, --resume and --restart",
+        **dict.fromkeys(["--resume", "--restart"], "with --chunks, with each other, and for a compressed stream"),
+        "--time-steps": "with --time-step, and where the input has one time step",
         **READING,
     },
     "merge": {

@@ -28,14 +28,14 @@ pub(crate) struct Compress {
     pub(crate) level: Option<CompressionLevel>,
     /// Compress only these chunks of 1024³ voxels, such as 0,4-7, into a part that `pumice merge` joins with the others
     ///
-    /// Chunks are numbered from 0 in Morton order of the volume's grid of chunks. Only what is needed of the input is read. Level, types and
-    /// table are given to `pumice merge`.
-    #[arg(long, value_name = "CHUNKS", conflicts_with_all = ["level", "types", "table", "resume", "restart", "time_steps"])]
+    /// Chunks are numbered from 0 in Morton order of the volume's grid of chunks. Only what is needed of the input is read. Of a time series a
+    /// part has its chunks at all time steps. Level, types and table are given to `pumice merge`.
+    #[arg(long, value_name = "CHUNKS", conflicts_with_all = ["level", "types", "table", "resume", "restart"])]
     pub(crate) chunks: Option<ChunkSet>,
     /// Keep finished chunks in the folder OUT.pumice.parts until all are done, and go on with those that are there
     ///
     /// After an interrupt the same command goes on and gives the same file; the folder is removed at the end. Of voxels that are not
-    /// compressed, whole layers of chunks are kept. A compressed stream can only be read from its beginning and is refused.
+    /// compressed, whole layers of chunks are kept; of a time series, chunks at all time steps. A compressed stream can only be read from its beginning and is refused.
     #[arg(long)]
     pub(crate) resume: bool,
     /// Remove what an interrupted compression left in OUT.pumice.parts, then begin anew as with --resume
@@ -67,7 +67,7 @@ pub(crate) struct Compress {
     ///
     /// The time steps of a file that has several, or of a series of files, of which all are taken without the option. They share what stands
     /// still, and have one table of labels. --time-step reads one of them.
-    #[arg(long, value_name = "all|A-B", conflicts_with_all = ["time_step", "resume", "restart"])]
+    #[arg(long, value_name = "all|A-B", conflicts_with = "time_step")]
     pub(crate) time_steps: Option<TimeSteps>,
     #[command(flatten)]
     pub(crate) reading: Reading,

@@ -7,10 +7,10 @@ use pumice_session::values::bytes;
 
 use super::CompressionLevel;
 
-/// Join the parts of a volume, made by `pumice compress --chunks`, into a .pumice file
+/// Join the parts of a volume or of a time series, made by `pumice compress --chunks`, into a .pumice file
 ///
-/// The file has the bytes that compressing the volume at once gives, whatever the parts and their order. Parts of another source or of other
-/// options, chunks that come twice and chunks that are missing are refused by name. One chunk is in memory at a time.
+/// The file has the bytes that compressing the volume at once gives, whatever the parts and their order. Parts of another source, of other
+/// options or of another number of time steps, chunks that come twice and chunks that are missing are refused by name. One chunk is in memory at a time.
 #[derive(Debug, Args)]
 pub(crate) struct Merge {
     /// The parts, in any order

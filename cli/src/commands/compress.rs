@@ -5,7 +5,7 @@ use std::sync::Arc;
 
 use pumice_session::{
     CompressOutcome, CompressRequest, Job, KeptParts, PartOutcome, PartRequest, compress_file,
-    compress_part_file, compress_resumable, one_input, peak_rss_bytes,
+    compress_part_file, compress_resumable, peak_rss_bytes,
 };
 use serde::Serialize;
 
@@ -41,7 +41,8 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     if let Some(chunks) = &args.chunks {
         let outcome = compress_part_file(
             &PartRequest {
-                input: one_input(&args.inputs, "--chunks")?.to_owned(),
+                inputs: args.inputs.clone(),
+                time_steps: args.time_steps,
                 output: args.out.clone(),
                 chunks: chunks.clone(),
                 reading,
@@ -76,8 +77,9 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
 /// Says what a part holds.
 fn report_part(out: &Path, json: Option<&Path>, outcome: PartOutcome) -> Result<Answer, Failure> {
     if json != Some(Path::new("-")) {
+        let steps = outcome.time_steps.map_or_else(String::new, |n| format!("{n} time steps, "));
         say(format_args!(
-            "{}: chunks {} of {}, {} labels, {} boxes, {:.1} MB, {:.1} s ({:.1} CPU s)",
+            "{}: {steps}chunks {} of {}, {} labels, {} boxes, {:.1} MB, {:.1} s ({:.1} CPU s)",
             out.display(),
             outcome.chunks,
             outcome.of,

@@ -3,6 +3,7 @@
 //! The order is: names, dictionary, chunks, runs, nodes, boxes, voxel counts. It does not check whether two labels claim the same voxel,
 //! which would take as much memory as decoding. The content hash, compared afterwards, covers that for files whose writer was not faulty.
 
+use super::nodes::Wrong;
 use crate::annotations::{NumericColumn, check_names};
 use crate::cell::CELL;
 use crate::error::one_line;
@@ -13,7 +14,7 @@ use crate::volume::CHUNK_CELLS;
 use crate::{BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, Leaves, MAX_DIM, VolumeInfo, morton};
 
 /// Nothing, or the section that is wrong and what is wrong in it.
-pub(super) type Finding = Result<(), ([u8; 4], String)>;
+pub(super) type Finding = Result<(), Wrong>;
 
 fn ensure(holds: bool, section: &[u8; 4], what: impl FnOnce() -> String) -> Finding {
     if holds { Ok(()) } else { Err((*section, what())) }
@@ -59,18 +60,48 @@ pub(super) fn check(v: &CompressedVolume) -> Finding {
 
 /// Checks the leaves, runs, nodes and boxes of a volume of one chunk, which need not be all of a volume; `visit` gets each label with its
 /// voxels.
-pub(super) fn check_chunk(v: &CompressedVolume, mut visit: impl FnMut(u32, u64)) -> Finding {
-    v.leaves.iter().try_for_each(check_leaves)?;
-    check_chunks(v)?;
-    check_runs(v)?;
-    let mut nodes = Nodes::within(v.nodes.len());
-    (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
-    check_boxes(v, &nodes)?;
-    for_each_run(v, |label, chunk, boxes| {
-        let voxels = |record: &crate::BoxRecord| nodes.voxels_at(chunk.node_base + u64::from(record.node()));
-        visit(label, boxes.iter().map(voxels).sum());
-        Ok(())
-    })
+pub(super) fn check_chunk(v: &CompressedVolume, visit: impl FnMut(u32, u64)) -> Finding {
+    let mut shared = SharedNodes::check(v)?;
+    shared.check_frame(v, visit)?;
+    shared.check_end(v)
+}
+
+/// The nodes of a volume of one chunk, checked, that the boxes of its frames share.
+pub(super) struct SharedNodes {
+    nodes: Nodes,
+    /// Word at which the nodes begin that no box has used yet.
+    unused: u64,
+}
+
+impl SharedNodes {
+    /// Checks the leaves and nodes of the chunk, of all frames.
+    pub(super) fn check(v: &CompressedVolume) -> Result<Self, Wrong> {
+        v.leaves.iter().try_for_each(check_leaves)?;
+        let mut nodes = Nodes::within(v.nodes.len());
+        (0..v.chunks.len()).try_for_each(|chunk| check_nodes(v, chunk, &mut nodes))?;
+        Ok(Self { nodes, unused: 0 })
+    }
+
+    /// Checks the runs and boxes of the next frame, which `v` holds; `visit` gets each label with its voxels.
+    pub(super) fn check_frame(&mut self, v: &CompressedVolume, mut visit: impl FnMut(u32, u64)) -> Finding {
+        check_chunks(v)?;
+        check_runs(v)?;
+        for chunk in 0..v.chunks.len() {
+            self.unused = check_boxes_of(v, chunk, &self.nodes, self.unused)?;
+        }
+        check_order(v)?;
+        for_each_run(v, |label, chunk, boxes| {
+            let voxels =
+                |record: &crate::BoxRecord| self.nodes.voxels_at(chunk.node_base + u64::from(record.node()));
+            visit(label, boxes.iter().map(voxels).sum());
+            Ok(())
+        })
+    }
+
+    /// Checks, after the last frame, that some box uses each node.
+    pub(super) fn check_end(&self, v: &CompressedVolume) -> Finding {
+        check_all_used(0, self.unused, v.nodes.len())
+    }
 }
 
 pub(super) fn check_info(info: &VolumeInfo) -> Finding {
@@ -210,58 +241,66 @@ fn check_nodes(v: &CompressedVolume, chunk: usize, nodes: &mut Nodes) -> Finding
 
 fn check_boxes(v: &CompressedVolume, nodes: &Nodes) -> Finding {
     for (i, c) in v.chunks.iter().enumerate() {
-        // Word at which the nodes begin that no box has used yet. Writing boxes and nodes as streams relies on nodes in order of first use.
-        let mut unused = c.node_base;
-        let range = v.node_range(i);
-        for (k, record) in v.boxes[v.box_range(i)].iter().enumerate() {
-            let wrong = |what: String| (*b"BOXS", format!("box {k} of chunk {i}: {what}"));
-            let at = c.node_base + u64::from(record.node());
-            if at >= range.end as u64 || !nodes.start_at(at) {
-                return Err(wrong(format!("expected the start of a node of the chunk, got word {at}")));
-            }
-            if at > unused {
-                return Err(wrong(format!(
-                    "expected nodes in order of first use, next word {unused}, got {at}"
-                )));
-            }
-            let node = NodeRef::read(&v.nodes[..range.end], at as usize, &v.leaves[i]);
-            if at == unused {
-                unused += node.words() as u64;
-            }
-            let (extent, tight) = (record.extent(), extent_of(node.occupied));
-            if extent != tight || record.0 >> 38 & 3 != 0 {
-                return Err(wrong(format!("expected an extent of {tight:?} cells, got {extent:?}")));
-            }
-            let cell = record.cell();
-            if (0..3).any(|a| cell[a] + extent[a] > CHUNK_VOXELS / CELL) {
-                return Err(wrong(format!("reaches beyond the chunk from its cell {cell:?}")));
-            }
-            let low = [0, 1, 2].map(|a| c.origin[a] + 4 * cell[a]);
-            let past = [0, 1, 2].map(|a| low[a] + 4 * extent[a] > v.info.dims[a]);
-            let (_, high) = if past.contains(&true) {
-                BoxView { origin: low, extent, node }.voxel_bounds()
-            } else {
-                (low, low)
-            };
-            if (0..3).any(|a| high[a] >= v.info.dims[a]) {
-                return Err(wrong(format!(
-                    "at {low:?} reaches beyond the volume of {:?} voxels",
-                    v.info.dims
-                )));
-            }
-        }
-        ensure(unused == range.end as u64, b"NODE", || {
-            let end = range.end;
-            format!(
-                "chunk {i}: expected use of all words to {end}, got nodes without a box from word {unused}"
-            )
-        })?;
+        let unused = check_boxes_of(v, i, nodes, c.node_base)?;
+        check_all_used(i, unused, v.node_range(i).end)?;
     }
-    // The boxes within a run must rise in Morton order: binary searches and the packed form rely on it.
+    check_order(v)
+}
+
+/// Checks that the boxes of a chunk use all of its nodes, of which those from word `unused` on are without a box.
+fn check_all_used(chunk: usize, unused: u64, end: usize) -> Finding {
+    ensure(unused == end as u64, b"NODE", || {
+        format!(
+            "chunk {chunk}: expected use of all words to {end}, got nodes without a box from word {unused}"
+        )
+    })
+}
+
+/// The boxes within a run must rise in Morton order: binary searches and the packed form rely on it.
+fn check_order(v: &CompressedVolume) -> Finding {
     for_each_run(v, |_, _, run| {
         let rises = run.is_sorted_by(|a, b| morton::encode(a.cell()) < morton::encode(b.cell()));
         ensure(rises, b"BOXS", || "expected boxes of a label in Morton order".into())
     })
+}
+
+/// Checks the boxes of a chunk. Before them, no box has used the nodes from word `unused` on; returns the word after them. Writing boxes and nodes
+/// as streams relies on nodes in order of first use.
+fn check_boxes_of(v: &CompressedVolume, i: usize, nodes: &Nodes, mut unused: u64) -> Result<u64, Wrong> {
+    let (c, range) = (&v.chunks[i], v.node_range(i));
+    for (k, record) in v.boxes[v.box_range(i)].iter().enumerate() {
+        let wrong = |what: String| (*b"BOXS", format!("box {k} of chunk {i}: {what}"));
+        let at = c.node_base + u64::from(record.node());
+        if at >= range.end as u64 || !nodes.start_at(at) {
+            return Err(wrong(format!("expected the start of a node of the chunk, got word {at}")));
+        }
+        if at > unused {
+            return Err(wrong(format!("expected nodes in order of first use, next word {unused}, got {at}")));
+        }
+        let node = NodeRef::read(&v.nodes[..range.end], at as usize, &v.leaves[i]);
+        if at == unused {
+            unused += node.words() as u64;
+        }
+        let (extent, tight) = (record.extent(), extent_of(node.occupied));
+        if extent != tight || record.0 >> 38 & 3 != 0 {
+            return Err(wrong(format!("expected an extent of {tight:?} cells, got {extent:?}")));
+        }
+        let cell = record.cell();
+        if (0..3).any(|a| cell[a] + extent[a] > CHUNK_VOXELS / CELL) {
+            return Err(wrong(format!("reaches beyond the chunk from its cell {cell:?}")));
+        }
+        let low = [0, 1, 2].map(|a| c.origin[a] + 4 * cell[a]);
+        let past = [0, 1, 2].map(|a| low[a] + 4 * extent[a] > v.info.dims[a]);
+        let (_, high) = if past.contains(&true) {
+            BoxView { origin: low, extent, node }.voxel_bounds()
+        } else {
+            (low, low)
+        };
+        if (0..3).any(|a| high[a] >= v.info.dims[a]) {
+            return Err(wrong(format!("at {low:?} reaches beyond the volume of {:?} voxels", v.info.dims)));
+        }
+    }
+    Ok(unused)
 }
 
 /// Calls `visit` with the label of each run, its chunk and its boxes.

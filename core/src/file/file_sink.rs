@@ -16,6 +16,7 @@ use super::codec;
 use super::layout::{Contents, ENTRY_BYTES, Encoding, Entry, HEADER_BYTES, Layout, align, section_checksum};
 use super::nodes::{REFERENCES, Splitter};
 use super::part::PartHead;
+use super::part_chunk::FrameOfChunk;
 use super::slices::SLAB;
 use super::voxel_coder::VoxelEncoder;
 use super::voxel_pieces::piece_dims;
@@ -28,7 +29,9 @@ use crate::layers::{Layers, SIDE};
 use crate::reserve::{make_room, zeroed};
 use crate::spool::{Scratch, Spool};
 use crate::store::StoredParts;
-use crate::{Chunk, CompressedVolume, CompressionLevel, Error, Job, Leaves, Result, VolumeInfo, WrittenFile};
+use crate::{
+    Chunk, CompressedVolume, CompressionLevel, Error, Job, LabelRun, Leaves, Result, VolumeInfo, WrittenFile,
+};
 
 /// What was written, and what it takes in memory once it is opened.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -129,7 +132,7 @@ impl<'a> FileSink<'a> {
     }
 
     /// Begins the chunk at this voxel at a frame: the sections that follow are its own. Its nodes begin at word `node_base`.
-    fn begin(&mut self, origin: [u32; 3], frame: u32, node_base: u64) -> Result<()> {
+    pub(super) fn begin(&mut self, origin: [u32; 3], frame: u32, node_base: u64) -> Result<()> {
         make_room(&mut self.chunks, 1, "a list of the chunks")?;
         self.chunks.push(Chunk {
             origin,
@@ -142,22 +145,41 @@ impl<'a> FileSink<'a> {
         Ok(())
     }
 
-    /// Begins the chunk at this voxel of a volume of one frame: the sections that follow are its own.
-    pub(super) fn begin_chunk(&mut self, origin: [u32; 3]) -> Result<()> {
-        self.begin(origin, 0, self.words)
+    /// Words of the nodes of all chunks so far.
+    pub(super) fn words(&self) -> u64 {
+        self.words
     }
 
-    /// Ends the last chunk, which `volume` holds alone. The level `fast` has its boxes and nodes, as they are, for the volume's sections.
-    pub(super) fn end_whole_chunk(&mut self, volume: &CompressedVolume) -> Result<()> {
+    /// Ends a chunk at a frame. The level `fast` has its boxes and nodes, as they are, for the volume's sections.
+    pub(super) fn end_frame(&mut self, of_frame: &FrameOfChunk<'_>) -> Result<()> {
+        let volume = of_frame.volume;
         if self.level == CompressionLevel::Fast {
             self.boxes.write(bytemuck::cast_slice(&volume.boxes))?;
-            self.nodes.write(bytemuck::cast_slice(&volume.nodes))?;
+            self.nodes.write(bytemuck::cast_slice(&volume.nodes[of_frame.words.clone()]))?;
         }
         self.boxes_so_far += volume.boxes.len() as u64;
         self.runs_so_far += volume.runs.len() as u64;
-        self.words += volume.nodes.len() as u64;
-        self.leaves_bytes += volume.leaves.iter().map(Leaves::bytes).sum::<u64>();
+        self.words += of_frame.words.len() as u64;
+        if of_frame.is_first {
+            self.leaves_bytes += volume.leaves.iter().map(Leaves::bytes).sum::<u64>();
+        }
         Ok(())
+    }
+
+    /// Encodes the runs of the last chunk and, in a time series, the number of voxels of each.
+    pub(super) fn run_sections(&mut self, runs: &[LabelRun], voxels: &[u64], job: &Job) -> Result<()> {
+        self.section(*b"RUNS", bytemuck::cast_slice(runs), (8, true, true), job)?;
+        if self.is_series {
+            self.section(*b"RVOX", bytemuck::cast_slice(voxels), (8, false, true), job)?;
+        }
+        Ok(())
+    }
+
+    /// Encodes the leaves of the last chunk.
+    pub(super) fn leaf_sections(&mut self, leaves: &Leaves, job: &Job) -> Result<()> {
+        self.section(*b"LEAF", bytemuck::cast_slice(leaves.patterns()), (8, false, true), job)?;
+        self.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
+        self.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)
     }
 
     /// Appends a section of the last chunk that another file has in the same form. `read` fills pieces with its bytes in turn.
@@ -300,18 +322,10 @@ impl ChunkSink for FileSink<'_> {
         for (i, boxes) in frames.iter().enumerate() {
             if self.level != CompressionLevel::Small {
                 self.begin(boxes.cell.map(|c| 4 * c), boxes.frame, node_base)?;
-                let runs = &boxes.runs[..];
-                self.section(*b"RUNS", bytemuck::cast_slice(runs), (8, true, true), job)?;
-                if self.is_series {
-                    let voxels = bytemuck::cast_slice(&boxes.run_voxels);
-                    self.section(*b"RVOX", voxels, (8, false, true), job)?;
-                }
+                self.run_sections(&boxes.runs, &boxes.run_voxels, job)?;
                 // All frames of a chunk have the leaves of the first.
                 if i == 0 {
-                    let leaves = &chunk.leaves;
-                    self.section(*b"LEAF", bytemuck::cast_slice(leaves.patterns()), (8, false, true), job)?;
-                    self.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
-                    self.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)?;
+                    self.leaf_sections(&chunk.leaves, job)?;
                 }
             }
             self.boxes_so_far += u64::from(boxes.count);

@@ -2,28 +2,30 @@
 //!
 //! ```text
 //! heads of all parts ─► same volume, same source, each chunk once ─► table of all ids
-//! chunk after chunk, in Morton order:
+//! chunk after chunk, in Morton order, frame after frame where the volume has several:
 //!     sections ─► boxes ─► content hash, voxels of each label, cells at the chunk's faces ─► labels that touch across them
 //!             └─► copied, but for RUNS, which has numbers of labels          level default
 //!             └─► coded again: as they are in memory (fast), as voxels (small)
 //! ```
-//! One chunk is in memory at a time, beside the table of labels, their contacts and the section tables of the parts.
+//! One chunk is in memory at a time, with the nodes and boxes of all its frames, beside the table of labels, their contacts and the section tables of the parts.
 
+use std::collections::BTreeMap;
 use std::io::{Read as _, Seek as _, SeekFrom};
+use std::ops::Range;
 use std::path::{Path, PathBuf};
 
 use super::file_sink::{FileSink, write_file};
 use super::format_error::Stop;
 use super::layout::Entry;
-use super::part::OpenPart;
-use super::part_chunk::{add_faces, changed, read_chunk};
+use super::part::{OpenPart, PlaceOfChunk};
+use super::part_chunk::{FrameOfChunk, add_faces, changed, read_chunk};
 use super::sections::read_sections;
 use super::voxel_pieces::{check_disjoint, encode_piece};
 use super::write::PLAIN;
 use crate::compress::on_threads;
 use crate::finish::Budget;
 use crate::layers::Layers;
-use crate::reserve::{make_room, reserved, zeroed};
+use crate::reserve::{collected, make_room, reserved, zeroed};
 use crate::spool::Scratch;
 use crate::touching::Touching;
 use crate::{
@@ -34,8 +36,8 @@ use crate::{
 /// What memory is for, in errors.
 const LABELS: &str = "the table of labels";
 
-/// Joins the parts of a volume ([`crate::compress_part`]), in any order, to the file that [`crate::compress_to_file`] makes of the whole volume at
-/// once: byte for byte, at each level. Before the file is written, `describe` may give names, types and numbers to the labels of a volume
+/// Joins the parts of a volume ([`crate::compress_part`]) or of a time series ([`crate::compress_series_part`]), in any order, to the file that
+/// [`crate::compress_to_file`] or [`crate::compress_series_to_file`] makes of the whole at once: byte for byte, at each level. Before the file is written, `describe` may give names, types and numbers to the labels of a volume
 /// without boxes.
 ///
 /// # Errors
@@ -54,19 +56,20 @@ pub fn merge_parts(
     let first = parts.first().ok_or_else(|| Error::Caller("expected parts of a volume, got none".into()))?;
     let dims = first.info.volume.dims;
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let budget = Budget::new(options.memory_limit_bytes, dims, 1, &folder);
+    let frames = first.info.frames;
+    let budget = Budget::new(options.memory_limit_bytes, dims, frames, &folder);
     on_threads(options, || {
         write_file(path, job, |file| {
             let scratch = Scratch::new(&folder);
-            let mut sink = FileSink::new(level, dims, 1, ids.len() as u32, &scratch, &budget);
-            let (labels, content_hash) = join(&parts, ids, &mut sink, &budget, job)?;
+            let mut sink = FileSink::new(level, dims, frames, ids.len() as u32, &scratch, &budget);
+            let (labels, content_hashes) = join(&parts, ids, &mut sink, &budget, job)?;
             let mut volume = CompressedVolume::empty(first.info.volume.clone());
             volume.labels = labels;
             if let Some(types) = &options.types {
                 types.apply(&mut volume.labels);
             }
             describe(&mut volume)?;
-            sink.write((file, path), volume, &[content_hash], None, job)
+            sink.write((file, path), volume, &content_hashes, None, job)
         })
     })
 }
@@ -115,6 +118,9 @@ fn check_same(first: &OpenPart, part: &OpenPart) -> Result<()> {
     let size = |d: [u32; 3]| format!("{} × {} × {}", d[0], d[1], d[2]);
     if x.dims != y.dims {
         return other(format!("expected {} voxels, got {}", size(x.dims), size(y.dims)));
+    }
+    if first.info.frames != part.info.frames {
+        return other(format!("expected {} time steps, got {}", first.info.frames, part.info.frames));
     }
     if a.reading != b.reading {
         let said = |s: &str| if s.is_empty() { "no options".to_owned() } else { format!("`{s}`") };
@@ -166,19 +172,21 @@ fn check_complete(parts: &[OpenPart]) -> Result<()> {
     )))
 }
 
-/// Hands all chunks to the sink; returns the table of labels and the content hash.
+/// Hands all chunks to the sink; returns the table of labels and the content hash of each frame.
 fn join(
     parts: &[OpenPart],
     mut ids: Vec<u64>,
     sink: &mut FileSink<'_>,
     budget: &Budget,
     job: &Job,
-) -> Result<(LabelTable, u128)> {
+) -> Result<(LabelTable, Vec<u128>)> {
     let Some(first) = parts.first() else { return Ok(Default::default()) };
     let dims = first.info.volume.dims;
     let grid = ChunkGrid::new(dims);
     let mut voxels: Vec<u64> = zeroed(ids.len(), LABELS)?;
-    let mut content = content_hash::begun(dims, &ids);
+    // Frames without a box have no hash of their own here: there may be many.
+    let begun = content_hash::begun(dims, &ids);
+    let mut contents = BTreeMap::new();
     let faces = Scratch::new(&budget.folder);
     let mut touching = Touching::new(dims, &faces, budget.share(4096), &[])?;
     // The labels of the part that was read last.
@@ -188,58 +196,64 @@ fn join(
         add_contacts(part, &of_part, &mut touching, job)?;
         numbers = Some((i, of_part));
     }
-    let mut order: Vec<(u64, usize, u32)> = Vec::new();
+    // By the number of the chunk: its part, and its frames in the part's table.
+    let mut order: Vec<(u64, usize, Range<u32>)> = Vec::new();
     for (i, part) in parts.iter().enumerate() {
-        make_room(&mut order, part.origins.len(), "a list of the chunks")?;
-        order.extend((0..).zip(&part.origins).map(|(c, &origin)| (grid.number(origin), i, c)));
+        for of_chunk in part.places.chunk_by(|a, b| a.origin == b.origin) {
+            let first = order.last().filter(|last| last.1 == i).map_or(0, |last| last.2.end);
+            make_room(&mut order, 1, "a list of the chunks")?;
+            order.push((grid.number(of_chunk[0].origin), i, first..first + of_chunk.len() as u32));
+        }
     }
-    order.sort_unstable();
-    let bytes = |part: &OpenPart, chunk: u32| -> u64 {
-        part.layout.entries[part.entries_of(chunk)].iter().map(|entry| entry.stored).sum()
+    order.sort_unstable_by_key(|(number, ..)| *number);
+    let bytes = |part: &OpenPart, chunk: &Range<u32>| -> u64 {
+        part.layout.entries[part.entries_of(chunk.clone())].iter().map(|entry| entry.stored).sum()
     };
-    job.begin(order.iter().map(|&(_, i, c)| bytes(&parts[i], c)).sum());
-    for &(_, i, c) in &order {
+    job.begin(order.iter().map(|(_, i, chunk)| bytes(&parts[*i], chunk)).sum());
+    for (_, i, frames) in order {
         job.check()?;
         let part = &parts[i];
         let of_part = match numbers.take().filter(|(known, _)| *known == i) {
             Some((_, of_part)) => of_part,
             None => numbers_of(part, &ids, job)?,
         };
-        let mut total = 0;
-        let mut count = |label: u32, n: u64| {
-            voxels[label as usize] += n;
-            total += n;
-        };
-        let mut volume =
-            part.with_file(|file| read_chunk(file, part, c, &of_part, &mut ids, &mut count, &Job::new()))?;
-        volume.add_boxes(&mut content);
-        let scratch = Scratch::new(&budget.folder);
-        let layers = Layers::new(&scratch, budget.share(8));
-        add_faces(&volume, &layers)?;
-        let origin = part.origins[c as usize];
-        touching.chunk(0, origin, &layers, false, job)?;
-        sink.begin_chunk(origin)?;
-        match sink.level {
-            CompressionLevel::Small => {
-                let grid = volume.new_grid()?;
-                let (stream, labelled) = encode_piece(&volume, &grid, origin, &Job::new())?;
-                check_disjoint(total, labelled)?;
-                sink.section(*b"VOXL", &stream, PLAIN, job)?;
+        let chunk = part.with_file(|file| read_chunk(file, part, frames.clone(), &of_part, &Job::new()))?;
+        let node_base = sink.words();
+        let count = |label: u32, n: u64| voxels[label as usize] += n;
+        chunk.for_each_frame(part, &mut ids, count, |of_frame| {
+            job.check()?;
+            let PlaceOfChunk { origin, frame } = part.places[of_frame.entry as usize];
+            let volume = of_frame.volume;
+            volume.add_boxes(contents.entry(frame).or_insert_with(|| begun.clone()));
+            let scratch = Scratch::new(&budget.folder);
+            let layers = Layers::new(&scratch, budget.share(8));
+            add_faces(volume, &layers)?;
+            touching.chunk(frame, origin, &layers, false, job)?;
+            sink.begin(origin, frame, node_base)?;
+            match sink.level {
+                CompressionLevel::Small => {
+                    let grid = volume.new_grid()?;
+                    let (stream, labelled) = encode_piece(volume, &grid, origin, &Job::new())?;
+                    check_disjoint(of_frame.run_voxels.iter().sum(), labelled)?;
+                    sink.section(*b"VOXL", &stream, PLAIN, job)?;
+                }
+                CompressionLevel::Fast => plain_sections(&of_frame, sink, job)?,
+                CompressionLevel::Default => copy_sections(part, &of_frame, sink, job)?,
             }
-            CompressionLevel::Fast => plain_sections(&volume, sink, job)?,
-            CompressionLevel::Default => copy_sections(part, c, &volume, sink, job)?,
-        }
-        sink.end_whole_chunk(&volume)?;
-        std::mem::swap(&mut volume.labels.ids, &mut ids);
+            sink.end_frame(&of_frame)
+        })?;
         numbers = Some((i, of_part));
-        job.advance(bytes(part, c));
+        job.advance(bytes(part, &frames));
     }
     if let Some(empty) = voxels.iter().position(|&n| n == 0) {
         let what = format!("label {} of the parts has no voxels: a part is damaged", ids[empty]);
         return Err(Error::Caller(what));
     }
     let contacts = touching.into_contacts(ids.len() as u32)?;
-    Ok((LabelTable { ids, voxels, contacts, ..LabelTable::default() }, content.digest128()))
+    let hash = |frame| contents.get(&frame).unwrap_or(&begun).digest128();
+    let content_hashes =
+        collected(first.info.frames as usize, (0..first.info.frames).map(hash), "the frames")?;
+    Ok((LabelTable { ids, voxels, contacts, ..LabelTable::default() }, content_hashes))
 }
 
 /// The number of each of a part's labels among all ids.
@@ -274,30 +288,30 @@ fn add_contacts(part: &OpenPart, numbers: &[u32], touching: &mut Touching<'_>, j
     })
 }
 
-/// The sections of a chunk as they are in memory.
-fn plain_sections(volume: &CompressedVolume, sink: &mut FileSink<'_>, job: &Job) -> Result<()> {
-    sink.section(*b"RUNS", bytemuck::cast_slice(&volume.runs), (8, true, true), job)?;
-    for leaves in &volume.leaves {
-        sink.section(*b"LEAF", bytemuck::cast_slice(leaves.patterns()), (8, false, true), job)?;
-        sink.section(*b"SLIC", bytemuck::cast_slice(leaves.slices()), PLAIN, job)?;
-        sink.section(*b"RARE", bytemuck::cast_slice(leaves.rare()), (8, true, true), job)?;
+/// The sections of a chunk at a frame as they are in memory.
+fn plain_sections(of_frame: &FrameOfChunk<'_>, sink: &mut FileSink<'_>, job: &Job) -> Result<()> {
+    let volume = of_frame.volume;
+    sink.run_sections(&volume.runs, &of_frame.run_voxels, job)?;
+    match &volume.leaves[..] {
+        [leaves] if of_frame.is_first => sink.leaf_sections(leaves, job),
+        _ => Ok(()),
     }
-    Ok(())
 }
 
-/// Copies the sections of a chunk, but for its runs.
+/// Copies the sections of a chunk at a frame, but for its runs.
 fn copy_sections(
     part: &OpenPart,
-    chunk: u32,
-    volume: &CompressedVolume,
+    of_frame: &FrameOfChunk<'_>,
     sink: &mut FileSink<'_>,
     job: &Job,
 ) -> Result<()> {
-    let entries: Vec<Entry> = part.layout.entries[part.entries_of(chunk)].to_vec();
+    let entries: Vec<Entry> =
+        part.layout.entries[part.entries_of(of_frame.entry..of_frame.entry + 1)].to_vec();
     part.with_file(|file| {
         for entry in &entries {
             if entry.name == *b"RUNS" {
-                sink.section(*b"RUNS", bytemuck::cast_slice(&volume.runs), (8, true, true), job)?;
+                let runs = &of_frame.volume.runs;
+                sink.section(*b"RUNS", bytemuck::cast_slice(runs), (8, true, true), job)?;
                 continue;
             }
             file.seek(SeekFrom::Start(entry.offset)).map_err(Stop::Io)?;

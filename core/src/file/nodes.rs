@@ -18,7 +18,7 @@ use std::ops::Range;
 
 use crate::leaves::{Class, Leaves};
 use crate::node::{NodeRef, OCCUPIED_WORDS, extent_of, header_words};
-use crate::reserve::{make_room, reserved};
+use crate::reserve::make_room;
 use crate::{BoxRecord, NoMemory, morton};
 
 /// The streams that the module documentation lists.
@@ -322,13 +322,30 @@ pub(super) fn join(
     boxes: &mut Vec<BoxRecord>,
     nodes: &mut Vec<u16>,
 ) -> Result<(), Wrong> {
-    let first = nodes.len();
-    let starts = join_nodes(streams, leaves, nodes)?;
-    join_boxes(streams, &nodes[first..], &starts, boxes)
+    join_frame(streams, leaves, boxes, (nodes.len(), nodes), &mut Vec::new())
 }
 
-/// Appends the words of the nodes; returns each node's first word, counted from the first of the chunk.
-fn join_nodes(streams: &Streams, leaves: &Leaves, nodes: &mut Vec<u16>) -> Result<Vec<u32>, Wrong> {
+/// Joins the streams of the next frame of a chunk, and appends its boxes and the words of the nodes that they are the first to use. The nodes of
+/// the chunk begin at word `first`; `starts` holds the first word of each, counted from there.
+pub(super) fn join_frame(
+    streams: &Streams,
+    leaves: &Leaves,
+    boxes: &mut Vec<BoxRecord>,
+    (first, nodes): (usize, &mut Vec<u16>),
+    starts: &mut Vec<u32>,
+) -> Result<(), Wrong> {
+    let before = starts.len();
+    join_nodes(streams, leaves, (first, nodes), starts)?;
+    join_boxes(streams, &nodes[first..], (before, starts), boxes)
+}
+
+/// Appends the words of the nodes, and to `starts` each node's first word, counted from word `first`, which is the first of the chunk.
+fn join_nodes(
+    streams: &Streams,
+    leaves: &Leaves,
+    (first, nodes): (usize, &mut Vec<u16>),
+    starts: &mut Vec<u32>,
+) -> Result<(), Wrong> {
     if !streams.occupied.len().is_multiple_of(8) {
         return Err((*b"OCCU", format!("size: expected a multiple of 8, got {}", streams.occupied.len())));
     }
@@ -338,9 +355,8 @@ fn join_nodes(streams: &Streams, leaves: &Leaves, nodes: &mut Vec<u16>) -> Resul
     let references: usize = streams.references.iter().map(Vec::len).sum();
     let words = (OCCUPIED_WORDS + 1) * nodes_count + streams.classes.len() / 2 + references / 2;
     let no_memory = |e: NoMemory| (*b"OCCU", e.to_string());
-    let first = nodes.len();
     make_room(nodes, words, "the nodes of the volume").map_err(no_memory)?;
-    let mut starts = reserved(nodes_count, "the nodes of the volume").map_err(no_memory)?;
+    make_room(starts, nodes_count, "the nodes of the volume").map_err(no_memory)?;
     for occupied in u64s(&streams.occupied) {
         let start = u32::try_from(nodes.len() - first);
         starts.push(start.map_err(|_| (*b"OCCU", "expected nodes below 2^32 words, got more".to_owned()))?);
@@ -361,14 +377,15 @@ fn join_nodes(streams: &Streams, leaves: &Leaves, nodes: &mut Vec<u16>) -> Resul
             return Err(long(REFERENCES[k]));
         }
     }
-    Ok(starts)
+    Ok(())
 }
 
-/// Appends the box records of a chunk with these nodes. `starts` holds each node's first word.
+/// Appends the box records of a chunk with these nodes. `starts` holds each node's first word; the boxes are the first to use all but `known` of
+/// them.
 fn join_boxes(
     streams: &Streams,
     nodes: &[u16],
-    starts: &[u32],
+    (known, starts): (usize, &[u32]),
     records: &mut Vec<BoxRecord>,
 ) -> Result<(), Wrong> {
     let count = streams.backs.len() / 4;
@@ -382,7 +399,7 @@ fn join_boxes(
     }
     make_room(records, count, "the boxes of the volume").map_err(|e| (*b"BCEL", e.to_string()))?;
     let leaves = Leaves::default();
-    let mut next = 0usize;
+    let mut next = known;
     let boxes = streams.cells.as_chunks::<3>().0.iter().zip(streams.backs.as_chunks::<4>().0);
     for (i, (code, back)) in boxes.enumerate() {
         let back = u32::from_le_bytes(*back) as usize;

@@ -3,10 +3,11 @@
 //! ```text
 //! header    contents 2
 //! INFO      of the whole volume            LIDS, LVOX, LTYP, LCON, CHNK   of the part's chunks: its labels are numbered by themselves
+//! FRAM      of a time series               a hash for each frame, of the part's chunks
 //! PART      {"chunks": "0,4-7", "of": 12, "source": {"name", "fingerprint", "reading"}}
 //! sections of its chunks, packed, as in a volume of the level `default`
 //! ```
-//! A chunk stands alone, so its sections are those that it has in the file of the whole volume, apart from `RUNS`, which has numbers of labels.
+//! Of a time series a part has its chunks at all frames, because they share nodes. A chunk stands alone, so its sections are those that it has in the file of the whole volume, apart from `RUNS`, which has numbers of labels.
 
 use std::fs::File;
 use std::ops::Range;
@@ -16,7 +17,7 @@ use serde::{Deserialize, Serialize};
 
 use super::format_error::{FormatError, Stop};
 use super::layout::{Contents, Layout};
-use super::read::from_path;
+use super::read::{chunk_of, from_path};
 use super::sections::{Sections, info_of, read_any_layout, read_sections};
 use crate::error::one_line;
 use crate::{ChunkGrid, ChunkSet, Error, Job, Result, VolumeInfo};
@@ -63,6 +64,8 @@ pub struct PartInfo {
     pub chunks: ChunkSet,
     /// What it was made from.
     pub source: PartSource,
+    /// Number of frames: 1, or those of a time series.
+    pub frames: u32,
 }
 
 /// Reads what a part says of itself.
@@ -78,8 +81,16 @@ pub(super) struct OpenPart {
     pub(super) path: PathBuf,
     pub(super) info: PartInfo,
     pub(super) layout: Layout,
-    /// Lowest voxel of each chunk with boxes, in Morton order.
-    pub(super) origins: Vec<[u32; 3]>,
+    /// Each chunk with boxes, by Morton order and then by frame.
+    pub(super) places: Vec<PlaceOfChunk>,
+}
+
+/// Where and when a chunk of a part is.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub(super) struct PlaceOfChunk {
+    /// Lowest voxel.
+    pub(super) origin: [u32; 3],
+    pub(super) frame: u32,
 }
 
 impl OpenPart {
@@ -91,9 +102,6 @@ impl OpenPart {
                 let what = "contents: expected a part of a volume, got a volume (pumice compress --chunks makes parts)";
                 return Err(FormatError::in_header(12, what.into()).into());
             }
-            if layout.frames != 1 {
-                return Err(Stop::Frames(layout.frames));
-            }
             let mut sections =
                 read_sections(file, None, &layout, &[b"INFO", b"PART", b"CHNK", b"LIDS"], job)?;
             let (volume, _) = info_of(&mut sections)?;
@@ -101,23 +109,25 @@ impl OpenPart {
                 .map_err(|e| sections.fault(*b"PART", one_line(&format!("JSON: {e}"))))?;
             let ids = ids_of(&mut sections)?;
             let grid = ChunkGrid::new(volume.dims);
-            let origins = sections.elements(b"CHNK", |b: [u8; 40]| {
-                [0, 4, 8].map(|at: usize| u32::from_le_bytes([b[at], b[at + 1], b[at + 2], b[at + 3]]))
+            let places = sections.elements(b"CHNK", |b| {
+                let (frame, chunk) = chunk_of(b);
+                PlaceOfChunk { origin: chunk.origin, frame }
             })?;
-            check_head(&volume, &head, &grid, &origins).map_err(|(s, what)| sections.fault(s, what))?;
+            check_head(&volume, &head, &grid, &places, layout.frames)
+                .map_err(|(s, what)| sections.fault(s, what))?;
             if !layout.entries.is_sorted_by_key(|entry| entry.chunk)
                 || layout
                     .entries
                     .last()
                     .and_then(|entry| entry.chunk)
-                    .is_some_and(|c| c as usize >= origins.len())
+                    .is_some_and(|c| c as usize >= places.len())
             {
                 let what =
-                    format!("expected the sections of {} chunks in their order, got others", origins.len());
+                    format!("expected the sections of {} chunks in their order, got others", places.len());
                 return Err(sections.fault(*b"CHNK", what));
             }
-            let info = PartInfo { volume, chunks: head.chunks, source: head.source };
-            Ok((Self { path: path.to_owned(), info, layout, origins }, ids))
+            let info = PartInfo { volume, chunks: head.chunks, source: head.source, frames: layout.frames };
+            Ok((Self { path: path.to_owned(), info, layout, places }, ids))
         })
     }
 
@@ -129,11 +139,22 @@ impl OpenPart {
         from_path(&self.path, |file, _| read(file))
     }
 
-    /// Where the sections of a chunk are in the table.
-    pub(super) fn entries_of(&self, chunk: u32) -> Range<usize> {
+    /// Where the sections of some chunks are in the table.
+    pub(super) fn entries_of(&self, chunks: Range<u32>) -> Range<usize> {
+        let from = |first: u32| self.layout.entries.partition_point(|entry| entry.chunk < Some(first));
+        from(chunks.start)..from(chunks.end)
+    }
+
+    /// A fault in a section of a chunk.
+    pub(super) fn fault(&self, chunk: u32, section: [u8; 4], what: &str) -> Error {
         let entries = &self.layout.entries;
-        let from = |first: Option<u32>| entries.partition_point(|entry| entry.chunk < first);
-        from(Some(chunk))..chunk.checked_add(1).map_or(entries.len(), |next| from(Some(next)))
+        let own = entries.iter().find(|entry| entry.name == section && entry.chunk == Some(chunk));
+        Error::File {
+            path: self.path.clone(),
+            section: section.escape_ascii().to_string(),
+            at: own.map_or(0, |entry| entry.offset),
+            what: format!("chunk {chunk}: {what}"),
+        }
     }
 
     /// Reads the ids of its labels again.
@@ -159,7 +180,8 @@ fn check_head(
     volume: &VolumeInfo,
     head: &PartHead,
     grid: &ChunkGrid,
-    origins: &[[u32; 3]],
+    places: &[PlaceOfChunk],
+    frames: u32,
 ) -> std::result::Result<(), ([u8; 4], String)> {
     super::check::check_info(volume)?;
     head.chunks.check(grid).map_err(|e| (*b"PART", e.to_string()))?;
@@ -167,16 +189,17 @@ fn check_head(
         return Err((*b"PART", format!("chunks of the volume: expected {}, got {}", grid.chunks(), head.of)));
     }
     let mut before = None;
-    for (i, &origin) in origins.iter().enumerate() {
+    for (i, &PlaceOfChunk { origin, frame }) in places.iter().enumerate() {
         let inside =
             (0..3).all(|a| origin[a].is_multiple_of(crate::CHUNK_VOXELS) && origin[a] < volume.dims[a]);
-        let number = inside.then(|| grid.number(origin));
-        if number <= before || !number.is_some_and(|number| head.chunks.contains(number)) {
+        let place = (inside && frame < frames).then(|| (grid.number(origin), frame));
+        if place <= before || !place.is_some_and(|(number, _)| head.chunks.contains(number)) {
+            let (chunks, what) = (&head.chunks, format!("the one at {origin:?}, frame {frame}"));
             let what =
-                format!("chunk {i}: expected rising chunks of {}, got the one at {origin:?}", head.chunks);
+                format!("chunk {i}: expected rising chunks of {chunks} at {frames} frames, got {what}");
             return Err((*b"CHNK", what));
         }
-        before = number;
+        before = place;
     }
     Ok(())
 }
