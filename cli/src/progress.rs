@@ -12,6 +12,9 @@ use pumice_session::Job;
 
 use crate::failure::warn_at_work;
 
+/// Steps of a bar that follows a job.
+const STEPS: u64 = 1 << 20;
+
 /// The bar that is on the terminal now.
 static SHOWN: Mutex<Option<ProgressBar>> = Mutex::new(None);
 
@@ -35,21 +38,31 @@ impl Bar {
     /// Shows `what`, the progress of the job's stage and the time that is left of it on standard error, if that is a terminal, until the bar is
     /// dropped.
     pub(crate) fn follow(what: &'static str, job: &Arc<Job>) -> Self {
-        let bar = Self::empty(what, "{msg:11} {bar:36} {percent:>3} %  {elapsed}, stage done in {eta}");
+        Self::following(what, "stage done in", job)
+    }
+
+    /// The same of a job whose stages say their share of it: the time that is left is the job's.
+    pub(crate) fn follow_whole(what: &'static str, job: &Arc<Job>) -> Self {
+        Self::following(what, "done in", job)
+    }
+
+    fn following(what: &'static str, left: &str, job: &Arc<Job>) -> Self {
+        let bar = Self::empty(
+            what,
+            &format!("{{msg:11}} {{bar:36}} {{percent:>3}} %  {{elapsed}}, {left} {{eta}}"),
+        );
+        bar.set_length(STEPS);
         let stop = Arc::new(AtomicBool::new(false));
         let follow = || {
             let (bar, stop, job) = (bar.clone(), stop.clone(), job.clone());
             std::thread::Builder::new().name("pumice-progress".into()).spawn(move || {
-                let mut stage = 0;
                 while !stop.load(Ordering::Relaxed) {
-                    let (done, total) = job.progress();
-                    if total != stage {
+                    let at = (job.fraction().unwrap_or_default() * STEPS as f64) as u64;
+                    if at < bar.position() {
                         // What the stage before did in a second says nothing of this one.
                         bar.reset_eta();
-                        stage = total;
                     }
-                    bar.set_length(total.max(1));
-                    bar.set_position(done.min(total));
+                    bar.set_position(at);
                     std::thread::sleep(Duration::from_millis(66));
                 }
             })

@@ -116,6 +116,19 @@ impl ChunkSet {
         Self { ranges }
     }
 
+    /// The set of rising ranges, both ends included, that do not overlap.
+    pub(crate) fn of_ranges(ranges: impl IntoIterator<Item = [u64; 2]>) -> Self {
+        // Ranges without a gap between them become one, so that equal sets have equal texts.
+        let mut joined: Vec<[u64; 2]> = Vec::new();
+        for range in ranges {
+            match joined.last_mut() {
+                Some(last) if range[0] == last[1] + 1 => last[1] = range[1],
+                _ => joined.push(range),
+            }
+        }
+        Self { ranges: joined }
+    }
+
     /// All chunks of a volume with this grid.
     pub fn all(grid: &ChunkGrid) -> Self {
         let last = grid.chunks().checked_sub(1);
@@ -212,15 +225,7 @@ impl FromStr for ChunkSet {
         if let Some(pair) = ranges.windows(2).find(|pair| pair[1][0] <= pair[0][1]) {
             return Err(format!("chunk {} comes twice in `{text}`", pair[1][0]));
         }
-        // Ranges without a gap between them become one, so that equal sets have equal texts.
-        let mut joined: Vec<[u64; 2]> = Vec::new();
-        for range in ranges {
-            match joined.last_mut() {
-                Some(last) if range[0] == last[1] + 1 => last[1] = range[1],
-                _ => joined.push(range),
-            }
-        }
-        Ok(Self { ranges: joined })
+        Ok(Self::of_ranges(ranges))
     }
 }
 

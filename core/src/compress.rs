@@ -61,7 +61,8 @@ pub fn compress(
 ) -> Result<CompressedVolume> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     let expected = source.info().voxels();
-    let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
+    let share = reading_share(CompressionLevel::Default);
+    let (info, parts, labelled) = parts_of(source, (expected, share), options, &folder, job)?;
     let known = Known { labelled: Some(labelled), touching: None };
     volume_of_parts(info, parts, &known, options, &folder, job)
 }
@@ -82,7 +83,7 @@ pub fn compress_to_file(
 ) -> Result<WrittenVolume> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     let expected = source.info().voxels();
-    let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
+    let (info, parts, labelled) = parts_of(source, (expected, reading_share(level)), options, &folder, job)?;
     write_parts(path, level, info, (parts, labelled), options, &folder, describe, job)
 }
 
@@ -127,7 +128,8 @@ pub fn compress_part(
     let grid = ChunkGrid::new(source.info().dims);
     chunks.check(&grid)?;
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let (info, parts, labelled) = parts_of(source, chunks.voxels(&grid), options, &folder, job)?;
+    let expected = (chunks.voxels(&grid), reading_share(CompressionLevel::Default));
+    let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
     write_part(path, info, (parts, labelled), chunks, from, options, &folder, job)
 }
 
@@ -163,17 +165,27 @@ pub(crate) fn write_part(
     })
 }
 
-/// Reads all blocks of a source, which have `expected` voxels; returns the volume's info, what its chunks have, and the number of labelled voxels.
+/// The share of the time of compressing that reading takes, for [`Job::fraction`]: measured on dense and sparse volumes, where it is 0.21 to 0.60,
+/// 0.09 to 0.25 and 0.30 to 0.37.
+pub(crate) fn reading_share(level: CompressionLevel) -> f64 {
+    match level {
+        CompressionLevel::Default => 0.4,
+        CompressionLevel::Small => 0.15,
+        CompressionLevel::Fast => 0.35,
+    }
+}
+
+/// Reads all blocks of a source, which have `expected` voxels and take this share of the job's time; returns the volume's info, what its chunks have, and the number of labelled voxels.
 fn parts_of(
     source: &mut dyn BlockSource,
-    expected: u64,
+    (expected, share): (u64, f64),
     options: &CompressOptions,
     folder: &Path,
     job: &Job,
 ) -> Result<(VolumeInfo, StoredParts, u64)> {
     let info = checked(source.info().clone())?;
     let store = store_for(info.dims, 1, options, folder);
-    job.begin(expected);
+    job.begin_share(expected, share);
     let threads = options.thread_count();
     let labelled = make_parts(source, expected, &store, threads, options.memory_limit_bytes, job)?;
     Ok((info, store.into_parts()?, labelled))

@@ -10,7 +10,7 @@
 
 use std::path::Path;
 
-use crate::compress::{checked, make_parts, store_for, write_part, write_parts};
+use crate::compress::{checked, make_parts, reading_share, store_for, write_part, write_parts};
 use crate::store::StoredParts;
 use crate::{
     BlockSource, ChunkGrid, ChunkSet, CompressOptions, CompressedVolume, CompressionLevel, Error, Job,
@@ -49,7 +49,13 @@ pub fn compress_series_to_file(
     job: &Job,
 ) -> Result<WrittenVolume> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let (info, parts, labelled) = parts_of(source, |info| Ok(info.voxels()), options, &folder, job)?;
+    let (info, parts, labelled) = parts_of(
+        source,
+        (|info: &VolumeInfo| Ok(info.voxels()), reading_share(level)),
+        options,
+        &folder,
+        job,
+    )?;
     write_parts(path, level, info, (parts, labelled), options, &folder, describe, job)
 }
 
@@ -73,15 +79,16 @@ pub fn compress_series_part(
         chunks.check(&grid)?;
         Ok(chunks.voxels(&grid))
     };
-    let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
+    let share = reading_share(CompressionLevel::Default);
+    let (info, parts, labelled) = parts_of(source, (expected, share), options, &folder, job)?;
     write_part(path, info, (parts, labelled), chunks, from, options, &folder, job)
 }
 
 /// Reads all blocks of all frames; returns what the frames have in common, what their chunks have, and the number of labelled voxels. `expected`
-/// says how many voxels the blocks of a frame have.
+/// says how many voxels the blocks of a frame have; reading takes this share of the job's time.
 fn parts_of(
     source: &mut dyn SeriesSource,
-    expected: impl Fn(&VolumeInfo) -> Result<u64>,
+    (expected, share): (impl Fn(&VolumeInfo) -> Result<u64>, f64),
     options: &CompressOptions,
     folder: &Path,
     job: &Job,
@@ -96,7 +103,7 @@ fn parts_of(
         match &mut first {
             None => {
                 voxels = expected(&info)?;
-                job.begin(voxels.saturating_mul(frames.into()));
+                job.begin_share(voxels.saturating_mul(frames.into()), share);
                 store = Some(store_for(info.dims, frames, options, folder));
                 first = Some(VolumeInfo { notes, ..info });
             }

@@ -73,7 +73,8 @@ pub use contacts::Contacts;
 pub use elements::Elements;
 pub use error::{Error, Result};
 pub use file::{
-    CompressionLevel, PartInfo, PartSource, Series, WrittenVolume, frames_in_file, merge_parts, read_part,
+    CompressionLevel, PartInfo, PartSource, Series, WrittenVolume, frames_in_file, merge_into_part,
+    merge_parts, read_part,
 };
 pub use grid::BoxGrid;
 pub use info::{LabelNote, LabelType, Unit, VolumeInfo, WorldFrame};

@@ -147,6 +147,44 @@ fn parts_of_any_partition_in_any_order_are_the_whole_volume() {
     assert_eq!(volume.find_contacts(&Job::new()).unwrap(), *labels.contacts());
 }
 
+/// Parts of parts, in any order and of chunks side by side or not, are the parts that compressing their chunks gives.
+#[test]
+fn parts_join_to_the_part_of_their_chunks() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let options = CompressOptions { threads: 2, ..CompressOptions::default() };
+    let one: Vec<PathBuf> =
+        (0..6).map(|n| part(&at(&format!("{n}")), DIMS, &n.to_string(), &from("a", "-x"))).collect();
+    let join = |parts: &[&PathBuf], name: &str| {
+        let parts: Vec<PathBuf> = parts.iter().map(|&path| path.clone()).collect();
+        (merge_into_part(&parts, &at(name), &options, &Job::new()), at(name))
+    };
+    let (told, left) = join(&[&one[3], &one[0], &one[5]], "left");
+    let expected = part(&at("0,3,5"), DIMS, "0,3,5", &from("a", "-x"));
+    assert!(std::fs::read(&left).unwrap() == std::fs::read(expected).unwrap());
+    assert_eq!(told.unwrap().bytes_disk, std::fs::metadata(&left).unwrap().len());
+    let right = join(&[&one[1], &one[2], &one[4]], "right").1;
+    let (_, all) = join(&[&right, &left], "all");
+    assert!(
+        std::fs::read(&all).unwrap()
+            == std::fs::read(part(&at("0-5"), DIMS, "0-5", &from("a", "-x"))).unwrap()
+    );
+    let (flat, tree) = (at("flat.pumice"), at("tree.pumice"));
+    merged(&one, &flat, CompressionLevel::Default).unwrap();
+    merged(&[left.clone(), right], &tree, CompressionLevel::Default).unwrap();
+    assert!(std::fs::read(flat).unwrap() == std::fs::read(tree).unwrap());
+    // A chunk that comes twice, other sources, and nothing.
+    let refused = |parts: &[&PathBuf]| {
+        let (told, path) = join(parts, "refused");
+        assert!(!path.exists());
+        told.unwrap_err().to_string()
+    };
+    assert!(refused(&[&left, &one[5]]).ends_with("5 both have chunk 5: expected each chunk once"));
+    let other = part(&at("other"), DIMS, "4", &from("b", "-x"));
+    assert!(refused(&[&left, &other]).contains("made from another source"));
+    assert!(refused(&[]).contains("expected parts of a volume, got none"));
+}
+
 #[test]
 fn what_does_not_belong_together_is_refused_by_name() {
     let folder = tempfile::tempdir().unwrap();

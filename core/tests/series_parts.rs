@@ -14,11 +14,17 @@ const DIMS: [u32; 3] = [1100, 1050, 3];
 const FRAMES: u32 = 4;
 
 /// A pattern that stands still, a block that moves across the faces of chunks, and a label of its own at each frame. Nothing is at frame 3.
-/// Chunk 1 has labels from frame 2 on, chunk 2 at frame 0 alone.
+/// Chunk 1 has labels from frame 2 on, chunk 2 at frame 0 alone. Labels 7000 and 7001 are neighbours across the face between chunks 1 and 3, but not
+/// at the same frame: they do not touch.
 fn id(frame: u32, [x, y, z]: [u32; 3]) -> u64 {
     let chunk = x / 1024 + 2 * (y / 1024);
     if frame == 3 || (chunk == 1 && frame < 2) || (chunk == 2 && frame > 0) {
         return 0;
+    }
+    match (frame, y) {
+        (2, 1023) if x >= 1090 => return 7000,
+        (0, 1024) if x >= 1090 => return 7001,
+        _ => {}
     }
     let at = 1000 + 7 * frame;
     if x.abs_diff(at) < 30 && y.abs_diff(at) < 25 {
@@ -152,6 +158,15 @@ fn parts_of_any_partition_in_any_order_are_the_whole_series() {
             assert!(std::fs::read(&out).unwrap() == std::fs::read(&whole).unwrap(), "{level:?}: {parts:?}");
         }
     }
+    let joined = at("joined");
+    merge_into_part(
+        &[partitions[1][0].clone(), partitions[1][1].clone()],
+        &joined,
+        &options(2, None),
+        &Job::new(),
+    )
+    .unwrap();
+    assert!(std::fs::read(joined).unwrap() == std::fs::read(at("0,3.part")).unwrap());
     // What the whole series is compared with is right by itself: every voxel of every frame.
     let series = Series::open(&at("merged.pumice"), &Job::new()).unwrap();
     for frame in 0..FRAMES {

@@ -2,8 +2,11 @@
 //!
 //! ```text
 //! file axes, fastest first     x   y   z   t          chunk 64 × 64 × 64 × 1, shard 512 × 512 × 512 × 1
+//! regions                      cut where the compressed form's chunks of 1024³ meet, and read in these chunks' order
 //! blocks                       one chunk, or several thin ones together, until a block has 16 steps along each axis; shard by shard
 //! ```
+
+use pumice_core::ChunkGrid;
 
 use crate::layout::Role;
 
@@ -40,6 +43,50 @@ impl Axis {
     }
 }
 
+/// Regions, each cut where chunks of the compressed form meet and in the order of these chunks, of which the first begins at the region's lowest
+/// voxel. Cuts are moved to the nearest multiple of `steps`, the ends of a store's own chunks or shards, so that none of these is read twice.
+#[derive(Clone, Debug)]
+struct InChunkOrder {
+    regions: std::vec::IntoIter<Region>,
+    steps: [u64; 3],
+    /// The region that is being cut, its chunks, and the number of the next one.
+    current: Option<(Region, ChunkGrid, u64)>,
+}
+
+impl Iterator for InChunkOrder {
+    type Item = Region;
+
+    fn next(&mut self) -> Option<Region> {
+        loop {
+            let Some((region, grid, number)) = &mut self.current else {
+                let region = self.regions.next()?;
+                // At most the volume's own size.
+                let grid = ChunkGrid::new(region.map(|[low, high]| (high - low) as u32));
+                self.current = Some((region, grid, 0));
+                continue;
+            };
+            let Some(chunk) = grid.region(*number) else {
+                self.current = None;
+                continue;
+            };
+            *number += 1;
+            let piece = [0, 1, 2].map(|a| {
+                let [low, high] = region[a];
+                chunk[a].map(|face| match low + u64::from(face) {
+                    at if at == low || at == high => at,
+                    at => ((at + self.steps[a] / 2) / self.steps[a])
+                        .saturating_mul(self.steps[a])
+                        .clamp(low, high),
+                })
+            });
+            // Of a chunk that is smaller than half a step, nothing may be left.
+            if piece.iter().all(|[low, high]| low < high) {
+                return Some(piece);
+            }
+        }
+    }
+}
+
 /// A block: its elements along the file axes, and the chunks that they lie in.
 #[derive(Clone, Debug)]
 pub(crate) struct BlockPlace {
@@ -61,8 +108,8 @@ impl BlockPlace {
 #[derive(Clone, Debug)]
 pub(crate) struct Walk {
     axes: Vec<Axis>,
-    /// Regions that come later, the next one last.
-    later: Vec<Region>,
+    /// Regions that come later.
+    later: InChunkOrder,
     /// Bytes of a block of one chunk.
     chunk_bytes: u64,
     /// The next block, in blocks along each file axis; empty after the last.
@@ -72,12 +119,19 @@ pub(crate) struct Walk {
 impl Walk {
     /// `chunk_bytes` are those of a block of one chunk.
     pub(crate) fn new(axes: Vec<Axis>, chunk_bytes: u64, regions: Vec<Region>) -> Self {
-        Self { axes, later: regions.into_iter().rev().collect(), chunk_bytes, at: Vec::new() }
+        let mut steps = [1; 3];
+        for axis in &axes {
+            if let Role::Space(space) = axis.role {
+                steps[space] = axis.chunk.saturating_mul(axis.shard_chunks).max(1);
+            }
+        }
+        let later = InChunkOrder { regions: regions.into_iter(), steps, current: None };
+        Self { axes, later, chunk_bytes, at: Vec::new() }
     }
 
     /// Goes to the next region; false after the last.
     fn next_region(&mut self) -> bool {
-        let Some(region) = self.later.pop() else { return false };
+        let Some(region) = self.later.next() else { return false };
         let mut bytes = self.chunk_bytes;
         for axis in &mut self.axes {
             axis.range = match axis.role {
@@ -204,4 +258,92 @@ pub(crate) fn step(index: &mut [u64], first: &[u64], last: &[u64]) -> bool {
         index[a] = first[a];
     }
     false
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+
+    use super::*;
+
+    fn blocks(chunk: [u64; 3], shard: u64, regions: Vec<Region>) -> Vec<BlockPlace> {
+        let axes = [0, 1, 2].map(|a| Axis::new(Role::Space(a), chunk[a], shard)).to_vec();
+        Walk::new(axes, chunk.iter().product(), regions).collect()
+    }
+
+    /// Whether blocks lie side by side in `region` is decided by their sum and by their corners.
+    fn cover_once(blocks: &[BlockPlace], region: Region) -> bool {
+        let voxels = |span: &[[u64; 2]]| span.iter().map(|[low, high]| high - low).product::<u64>();
+        let corners: std::collections::BTreeSet<Vec<u64>> =
+            blocks.iter().map(|b| b.span.iter().map(|s| s[0]).collect()).collect();
+        corners.len() == blocks.len()
+            && blocks.iter().map(|b| voxels(&b.span)).sum::<u64>() == voxels(&region)
+            && blocks
+                .iter()
+                .all(|b| (0..3).all(|a| region[a][0] <= b.span[a][0] && b.span[a][1] <= region[a][1]))
+    }
+
+    /// How often each chunk of a store is read.
+    fn reads(blocks: &[BlockPlace]) -> BTreeMap<Vec<u64>, usize> {
+        let mut reads = BTreeMap::new();
+        for block in blocks {
+            let mut chunk = block.first.clone();
+            loop {
+                *reads.entry(chunk.clone()).or_default() += 1;
+                if !step(&mut chunk, &block.first, &block.last) {
+                    break;
+                }
+            }
+        }
+        reads
+    }
+
+    /// How often two successive blocks are of different chunks of the compressed form, and how many of these have blocks. Faces between them
+    /// are at the nearest multiples of `step` voxels.
+    fn changes_of_chunk(blocks: &[BlockPlace], low: [u64; 3], step: [u64; 3]) -> (usize, usize) {
+        let of = |block: &BlockPlace| {
+            [0, 1, 2].map(|a| {
+                let face = |chunk: u64| {
+                    ((low[a] + 1024 * chunk) as f64 / step[a] as f64 + 0.5).floor() as u64 * step[a]
+                };
+                (1..10).take_while(|&chunk| face(chunk) <= block.span[a][0]).count()
+            })
+        };
+        let changes = blocks.windows(2).filter(|pair| of(&pair[0]) != of(&pair[1])).count();
+        (changes, blocks.iter().map(of).collect::<std::collections::BTreeSet<_>>().len())
+    }
+
+    #[test]
+    fn one_chunk_of_the_compressed_form_comes_after_another() {
+        for (chunk, shard, low) in
+            [([64; 3], 1, 0), ([64; 3], 4, 128), ([100; 3], 1, 0), ([100, 64, 30], 2, 17)]
+        {
+            // 3 × 2 × 2 chunks. The last along an axis may be thinner than half a shard: it is read with the one before it.
+            for (dims, thin) in [([2300u64, 1300, 1200], false), ([2100, 1100, 1030], true)] {
+                let region = dims.map(|size| [low, low + size]);
+                let blocks = blocks(chunk, shard, vec![region]);
+                assert!(cover_once(&blocks, region), "{chunk:?}");
+                assert!(reads(&blocks).values().all(|&n| n == 1), "{chunk:?}");
+                let (changes, chunks) = changes_of_chunk(&blocks, [low; 3], chunk.map(|c| c * shard));
+                assert_eq!(changes, chunks - 1, "{chunk:?} {shard}");
+                assert!(chunks == 12 || (thin && chunks < 12), "{chunks}");
+            }
+        }
+        // The negative control: regions that come one after another cross the same chunks again.
+        let slabs = (0..8).map(|i| [[0, 2048], [64 * i, 64 * i + 64], [0, 1024]]).collect();
+        assert_eq!(changes_of_chunk(&blocks([64; 3], 1, slabs), [0; 3], [64; 3]), (15, 2));
+    }
+
+    /// A shard that is larger than two chunks is read at once, and a region that lies within one stays whole.
+    #[test]
+    fn large_shards_are_read_once() {
+        let region = [[0, 5000], [0, 64], [0, 64]];
+        let shards = blocks([64; 3], 64, vec![region]);
+        assert!(cover_once(&shards, region) && reads(&shards).values().all(|&n| n == 1));
+        assert!(shards.windows(2).all(|pair| pair[0].span[0][0] < pair[1].span[0][0]));
+        // Most chunks of a volume of the largest size are never looked at.
+        let huge = u64::from(pumice_core::MAX_DIM);
+        let axes = [0, 1, 2].map(|a| Axis::new(Role::Space(a), 64, 1)).to_vec();
+        assert_eq!(Walk::new(axes, 64 * 64 * 64, vec![[[0, huge]; 3]]).take(100).count(), 100);
+    }
 }

@@ -46,7 +46,8 @@ pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn B
 }
 
 /// Opens regions of a label volume: the source describes the whole volume and delivers their voxels alone, each once. Of a store only the
-/// chunks that the regions meet are read; a file is read from their first voxel to their last.
+/// chunks that the regions meet are read; of a file without compression, the rows within the box that encloses them all; a compressed one is read
+/// from its beginning, pages from the first to the last that has their voxels.
 ///
 /// # Errors
 /// As [`open`]. Regions lie within the volume and do not overlap.
@@ -81,12 +82,15 @@ fn open_any(
     };
     let info = region::cut(&file.info, region);
     let source: Box<dyn BlockSource> = match file.voxels {
-        Voxels::Stream(open) => {
-            let mut source =
-                SlabSource::new(path.clone(), file.info, file.layout, file.element, open()?, warnings)?;
+        Voxels::Stream(open) | Voxels::Pages(open) => {
+            // What lies outside all regions is skipped as far as it can be.
+            let window = [0, 1, 2].map(|a| {
+                let low = regions.iter().map(|r| r[a][0]).min().unwrap_or(region[a][0]);
+                [low, regions.iter().map(|r| r[a][1]).max().unwrap_or(region[a][1])]
+            });
+            let of_file = (file.info, file.layout, file.element);
+            let source = SlabSource::new(path.clone(), of_file, open()?, window, warnings)?;
             if options.roi.is_some() || chosen.is_some() {
-                let first = |a: usize| regions.iter().map(|r| r[a][0]).min().unwrap_or(0);
-                source.begin_at([0, 1, 2].map(|a| [first(a), region[a][1]]));
                 Box::new(RegionSource::new(Box::new(source), (info, low), regions))
             } else {
                 Box::new(source)
@@ -106,9 +110,9 @@ fn open_any(
 /// How the voxels of a source are reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reach {
-    /// Any region by itself: a store of chunks.
+    /// Any region by itself: a store of chunks, or voxels that are not compressed.
     Regions,
-    /// Layers across this axis (0 to 2 for x to z), without reading those before: voxels that are not compressed.
+    /// Layers across this axis (0 to 2 for x to z), without reading those before: pages that are compressed one by one.
     Layers(usize),
     /// From first to last only: a compressed stream.
     Stream,
@@ -127,7 +131,8 @@ pub fn reach(path: &Path, options: &OpenOptions) -> std::result::Result<Reach, F
     });
     Ok(match (file.voxels, slowest) {
         (Voxels::Chunks(_), _) => Reach::Regions,
-        (Voxels::Stream(_), axis) if file.encoding == "raw" => Reach::Layers(axis.unwrap_or(2)),
+        (Voxels::Stream(_) | Voxels::Pages(_), _) if file.encoding == "raw" => Reach::Regions,
+        (Voxels::Pages(_), axis) => Reach::Layers(axis.unwrap_or(2)),
         (Voxels::Stream(_), _) => Reach::Stream,
     })
 }

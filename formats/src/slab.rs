@@ -6,12 +6,15 @@
 //! ```
 //! Where one plane exceeds the budget, a block has rows of one plane, and at worst voxels of one row. Bytes between blocks (other layers,
 //! time steps, channels) are skipped. Memory: one buffer of stored bytes, and the block that is returned.
+//!
+//! Of a window, which is a part of the volume, a block has the rows within it; what lies between them in the file is skipped too.
 
+use std::cmp::Ordering;
 use std::path::PathBuf;
 
 use pumice_core::{BlockSource, LabelBlock, VolumeInfo};
 
-use crate::chunk_walk::Region;
+use crate::chunk_walk::{Region, step};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::{Layout, Role};
@@ -40,6 +43,11 @@ pub(crate) struct SlabSource {
     cut: usize,
     /// Number of steps of this axis in one block.
     steps: u64,
+    /// The steps of each file axis that are read: the window's, and of an axis outside the volume its one index (all of them where it is faster
+    /// than `cut`).
+    window: Vec<[u64; 2]>,
+    /// Whether the window is the whole volume.
+    is_whole: bool,
     /// Index of the next block's start, on `cut` and on all slower axes.
     at: Vec<u64>,
     /// Number of bytes taken from the stream.
@@ -49,20 +57,30 @@ pub(crate) struct SlabSource {
 }
 
 impl SlabSource {
+    /// The voxels of `window`, a region of the volume in the file.
     pub(crate) fn new(
         path: PathBuf,
-        info: VolumeInfo,
-        layout: Layout,
-        element: Element,
+        (info, layout, element): (VolumeInfo, Layout, Element),
         stream: Box<dyn ByteStream>,
+        window: Region,
         warnings: Warnings,
     ) -> Result<Self> {
         let axes = layout.axes();
+        let mut of_axes: Vec<[u64; 2]> = axes
+            .iter()
+            .map(|axis| match axis.role {
+                Role::Space(space) => window[space],
+                Role::Fixed(_) => [0, axis.size],
+            })
+            .collect();
+        // Bytes that one step of an axis has within the window, with all steps of faster axes outside the volume.
+        let bytes_of_step = |a: usize| {
+            of_axes[..a].iter().map(|[low, high]| high - low).product::<u64>() * layout.element_bytes() as u64
+        };
         // Cut along the slowest axis of which one step fits in the budget. Axes of one step are useless for that.
-        let fits =
-            |a: &usize| matches!(axes[*a].role, Role::Space(_)) && layout.stride_bytes(*a) <= BLOCK_BYTES;
+        let fits = |a: &usize| matches!(axes[*a].role, Role::Space(_)) && bytes_of_step(*a) <= BLOCK_BYTES;
         let candidates: Vec<usize> = (0..axes.len()).filter(fits).collect();
-        let longer = candidates.iter().rev().find(|&&a| axes[a].size > 1);
+        let longer = candidates.iter().rev().find(|&&a| of_axes[a][1] - of_axes[a][0] > 1);
         let Some(&cut) = longer.or(candidates.first()) else {
             return Err(FormatError::Limit {
                 path,
@@ -72,17 +90,16 @@ impl SlabSource {
             });
         };
         // Small planes come in more than 16 steps: a block of less than 1 MiB costs more to pass on than to convert.
-        let stride = layout.stride_bytes(cut);
+        let stride = bytes_of_step(cut);
         let most = (BLOCK_BYTES / stride).clamp(1, BLOCK_STEPS.max((1 << 20) / stride));
         let steps = if most > 4 { most - most % 4 } else { most };
-        // Fixed axes keep their index; the others count up.
-        let at = axes[cut..]
-            .iter()
-            .map(|axis| match axis.role {
-                Role::Fixed(index) => index,
-                Role::Space(_) => 0,
-            })
-            .collect();
+        for (axis, range) in axes.iter().zip(&mut of_axes).skip(cut) {
+            if let Role::Fixed(index) = axis.role {
+                *range = [index, index + 1];
+            }
+        }
+        let at = of_axes[cut..].iter().map(|[low, _]| *low).collect();
+        let is_whole = window == layout.dims().map(|size| [0, u64::from(size)]);
         Ok(Self {
             path,
             info,
@@ -92,6 +109,8 @@ impl SlabSource {
             warnings,
             cut,
             steps,
+            is_whole,
+            window: of_axes,
             at,
             taken: 0,
             buffer: Vec::new(),
@@ -99,51 +118,26 @@ impl SlabSource {
         })
     }
 
-    /// Leaves out the blocks before the first voxel of a region, as far as they come before it in the file. To be called before the first block.
-    pub(crate) fn begin_at(&mut self, region: Region) {
-        let axes = self.layout.axes();
-        let slowest = (0..self.at.len()).rev().find(|&i| matches!(axes[self.cut + i].role, Role::Space(_)));
-        if let Some(i) = slowest
-            && let Role::Space(space) = axes[self.cut + i].role
-        {
-            let low = region[space][0];
-            // Blocks begin where they do in the whole volume.
-            self.at[i] = if i == 0 { low - low % self.steps } else { low };
-        }
-    }
-
     /// The next block, or `None` after the last.
     fn next(&mut self) -> Result<Option<LabelBlock>> {
         if self.ended {
             return Ok(None);
         }
-        // Past the last index of the slowest spatial axis, everything has been delivered.
+        // Past the last index of the slowest axis, everything has been delivered.
         if self.at.is_empty() {
             self.ended = true;
-            self.finish()?;
+            if self.is_whole {
+                self.finish()?;
+            }
             return Ok(None);
         }
         // Read the stored bytes of this block.
         let axes = self.layout.axes().to_vec();
-        let count = self.steps.min(axes[self.cut].size - self.at[0]);
-        let start: u64 = self
-            .at
-            .iter()
-            .enumerate()
-            .map(|(i, &index)| index * self.layout.stride_bytes(self.cut + i))
-            .sum();
-        let skip = start - self.taken;
-        let skipped = self.stream.skip(skip)?;
-        self.taken += skipped;
-        if skipped < skip {
-            return Err(self.short());
-        }
-        // The size is at most BLOCK_BYTES, and the buffer grows only as far as the stream delivers.
-        let wanted = (count * self.layout.stride_bytes(self.cut)) as usize;
-        self.fill_buffer(wanted)?;
+        let count = self.steps.min(self.window[self.cut][1] - self.at[0]);
+        self.read_block(count)?;
 
         // Remove the data of other layers, from the slowest such axis to the fastest.
-        let mut sizes: Vec<u64> = axes[..self.cut].iter().map(|a| a.size).collect();
+        let mut sizes: Vec<u64> = self.window[..self.cut].iter().map(|[low, high]| high - low).collect();
         for a in (0..self.cut).rev() {
             if let Role::Fixed(index) = axes[a].role
                 && sizes[a] > 1
@@ -162,14 +156,12 @@ impl SlabSource {
         for (a, axis) in axes.iter().enumerate() {
             let Role::Space(space) = axis.role else { continue };
             // All numbers are at most MAX_DIM.
-            if a > self.cut {
-                origin[space] = self.at[a - self.cut] as u32;
-            } else {
-                dims[space] = if a == self.cut { count } else { axis.size } as u32;
-                if a == self.cut {
-                    origin[space] = self.at[0] as u32;
-                }
-            }
+            let [low, high] = match a.cmp(&self.cut) {
+                Ordering::Less => self.window[a],
+                Ordering::Equal => [self.at[0], self.at[0] + count],
+                Ordering::Greater => [self.at[a - self.cut], self.at[a - self.cut] + 1],
+            };
+            (origin[space], dims[space]) = (low as u32, (high - low) as u32);
             strides[space] = stride;
             stride *= dims[space] as usize;
         }
@@ -180,32 +172,63 @@ impl SlabSource {
             reason: bad.reason,
         })?;
 
-        // Advance the cut axis first, then the slower ones of the volume.
+        // Advance the cut axis first, then the slower ones. Those outside the volume have one index.
         self.at[0] += count;
-        for i in 0..self.at.len() {
-            let axis = axes[self.cut + i];
-            if matches!(axis.role, Role::Fixed(_)) || self.at[i] < axis.size {
-                continue;
-            }
-            self.at[i] = 0;
-            match (i + 1..self.at.len()).find(|&j| matches!(axes[self.cut + j].role, Role::Space(_))) {
-                Some(next) => self.at[next] += 1,
-                None => self.at.clear(),
-            }
-            if self.at.is_empty() {
+        let mut i = 0;
+        while self.at[i] >= self.window[self.cut + i][1] {
+            self.at[i] = self.window[self.cut + i][0];
+            i += 1;
+            if i == self.at.len() {
+                self.at.clear();
                 break;
             }
+            self.at[i] += 1;
         }
         Ok(Some(LabelBlock { origin, dims, strides, labels }))
     }
 
-    /// Reads `wanted` bytes into the buffer, which grows in pieces so that a wrong size in a header costs no memory.
-    fn fill_buffer(&mut self, wanted: usize) -> Result<()> {
-        const PIECE_BYTES: usize = 1 << 20;
+    /// Reads the stored bytes of a block of `count` steps into the buffer: run after run, each as long as the window has whole axes.
+    fn read_block(&mut self, count: u64) -> Result<()> {
+        let axes = self.layout.axes();
+        // At most BLOCK_BYTES in all.
+        let mut ranges = self.window[..self.cut].to_vec();
+        ranges.push([self.at[0], self.at[0] + count]);
+        let is_whole = |a: usize| ranges[a] == [0, axes[a].size];
+        let run_axis = (0..self.cut).find(|&a| !is_whole(a)).unwrap_or(self.cut);
+        let strides: Vec<u64> = (0..axes.len()).map(|a| self.layout.stride_bytes(a)).collect();
+        let run = (ranges[run_axis][1] - ranges[run_axis][0]) * strides[run_axis];
+        let slower: u64 =
+            self.at.iter().zip(&strides[self.cut..]).skip(1).map(|(i, stride)| i * stride).sum();
+        // Where each run begins, along the axes from `run_axis` to `cut`.
+        let first: Vec<u64> = ranges.iter().map(|r| r[0]).collect();
+        let last: Vec<u64> = ranges.iter().map(|r| r[1] - 1).collect();
+        let mut index = first.clone();
         self.buffer.clear();
-        while self.buffer.len() < wanted {
+        loop {
+            let start =
+                slower + index[run_axis..].iter().zip(&strides[run_axis..]).map(|(i, s)| i * s).sum::<u64>();
+            self.read_run(start, run as usize)?;
+            if !step(&mut index[run_axis + 1..], &first[run_axis + 1..], &last[run_axis + 1..]) {
+                return Ok(());
+            }
+        }
+    }
+
+    /// Appends `wanted` bytes from byte `start` on to the buffer, which grows in pieces so that a wrong size in a header costs no memory.
+    fn read_run(&mut self, start: u64, wanted: usize) -> Result<()> {
+        const PIECE_BYTES: usize = 1 << 20;
+        let skip = start - self.taken;
+        if skip > 0 {
+            let skipped = self.stream.skip(skip)?;
+            self.taken += skipped;
+            if skipped < skip {
+                return Err(self.short());
+            }
+        }
+        let end = self.buffer.len() + wanted;
+        while self.buffer.len() < end {
             let from = self.buffer.len();
-            self.buffer.resize(wanted.min(from + PIECE_BYTES), 0);
+            self.buffer.resize(end.min(from + PIECE_BYTES), 0);
             let n = self.stream.fill(&mut self.buffer[from..])?;
             self.taken += n as u64;
             if from + n < self.buffer.len() {
@@ -269,4 +292,122 @@ fn keep_one(buffer: &mut Vec<u8>, run: usize, count: usize, index: usize) {
 /// The voxel of the label at `index` in a block.
 fn voxel_of(index: usize, origin: [u32; 3], dims: [u32; 3], strides: [usize; 3]) -> [u64; 3] {
     [0, 1, 2].map(|a| u64::from(origin[a]) + (index / strides[a].max(1) % dims[a] as usize) as u64)
+}
+
+#[cfg(test)]
+mod tests {
+    use std::collections::BTreeMap;
+    use std::sync::Arc;
+    use std::sync::atomic::{AtomicU64, Ordering::Relaxed};
+
+    use pumice_core::LabelType;
+
+    use super::*;
+    use crate::layout::FileAxis;
+
+    /// Bytes in memory that count how many of them are read.
+    struct Counted {
+        bytes: Vec<u8>,
+        at: usize,
+        read: Arc<AtomicU64>,
+    }
+
+    impl ByteStream for Counted {
+        fn read(&mut self, buffer: &mut [u8]) -> Result<usize> {
+            let n = buffer.len().min(self.bytes.len() - self.at);
+            buffer[..n].copy_from_slice(&self.bytes[self.at..self.at + n]);
+            self.at += n;
+            self.read.fetch_add(n as u64, Relaxed);
+            Ok(n)
+        }
+
+        fn skip(&mut self, bytes: u64) -> Result<u64> {
+            let n = bytes.min((self.bytes.len() - self.at) as u64);
+            self.at += n as usize;
+            Ok(n)
+        }
+    }
+
+    const DIMS: [u64; 3] = [7, 11, 40];
+
+    fn id(p: [u64; 3]) -> u16 {
+        u16::try_from(1 + p[0] + 7 * (p[1] + 11 * p[2])).unwrap()
+    }
+
+    /// The voxels of a window of a file with these axes, `(size, role)` fastest first, and the number of bytes that are read.
+    fn read(axes: &[FileAxis], window: Region) -> (BTreeMap<[u64; 3], u64>, u64) {
+        let mut bytes = Vec::new();
+        let mut index = vec![0; axes.len()];
+        let (first, last) = (vec![0; axes.len()], axes.iter().map(|a| a.size - 1).collect::<Vec<u64>>());
+        loop {
+            let (mut p, mut is_own) = ([0; 3], true);
+            for (axis, &i) in axes.iter().zip(&index) {
+                match axis.role {
+                    Role::Space(space) => p[space] = i,
+                    Role::Fixed(own) => is_own &= own == i,
+                }
+            }
+            bytes.extend(if is_own { id(p) } else { u16::MAX }.to_le_bytes());
+            if !step(&mut index, &first, &last) {
+                break;
+            }
+        }
+        let count = Arc::new(AtomicU64::new(0));
+        let stream = Box::new(Counted { bytes, at: 0, read: Arc::clone(&count) });
+        let layout = Layout::new("a".as_ref(), axes.to_vec(), 2).unwrap();
+        let element = Element::new(LabelType::U16, false);
+        let info = VolumeInfo::new(layout.dims(), LabelType::U16);
+        let mut source =
+            SlabSource::new("a".into(), (info, layout, element), stream, window, Warnings::default())
+                .unwrap();
+        let mut voxels = BTreeMap::new();
+        while let Some(block) = source.next_block().unwrap() {
+            for z in 0..block.dims[2] {
+                for y in 0..block.dims[1] {
+                    for x in 0..block.dims[0] {
+                        let at = [0, 1, 2].map(|a| u64::from(block.origin[a] + [x, y, z][a]));
+                        assert!(voxels.insert(at, block.get([x, y, z])).is_none(), "{at:?}");
+                    }
+                }
+            }
+        }
+        (voxels, count.load(Relaxed))
+    }
+
+    /// In each order of axes, with others before, between and behind them, a window has its own voxels, and no byte of another row is read.
+    #[test]
+    fn a_window_has_its_own_voxels_and_reads_no_row_outside() {
+        let space = |a: usize| FileAxis { size: DIMS[a], role: Role::Space(a) };
+        let other = |size| FileAxis { size, role: Role::Fixed(1) };
+        let windows = [
+            [[0, 7], [0, 11], [0, 40]],
+            [[2, 5], [0, 11], [3, 40]],
+            [[0, 7], [4, 5], [17, 18]],
+            [[6, 7], [3, 9], [0, 39]],
+        ];
+        for [a, b, c] in [[0, 1, 2], [2, 1, 0], [1, 2, 0], [2, 0, 1]] {
+            for place in 0..5 {
+                let mut axes = vec![space(a), space(b), space(c)];
+                if place < 4 {
+                    axes.insert(place, other(3));
+                }
+                for window in windows {
+                    let (voxels, bytes) = read(&axes, window);
+                    let size = |a: usize| window[a][1] - window[a][0];
+                    assert_eq!(voxels.len() as u64, size(0) * size(1) * size(2), "{axes:?} {window:?}");
+                    for (&at, &found) in &voxels {
+                        assert_eq!(found, u64::from(id(at)), "{axes:?} {window:?} {at:?}");
+                        assert!((0..3).all(|a| (window[a][0]..window[a][1]).contains(&at[a])));
+                    }
+                    // Indices of another axis that is faster than the slowest one of the volume are read along.
+                    let along = if place < 3 { 3 } else { 1 };
+                    let is_all = (0..3).all(|a| size(a) == DIMS[a]);
+                    assert!(
+                        is_all || bytes == 2 * along * voxels.len() as u64,
+                        "{axes:?} {window:?}: {bytes}"
+                    );
+                }
+            }
+        }
+    }
 }

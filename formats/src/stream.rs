@@ -13,6 +13,12 @@ use crate::error::{FormatError, Result};
 /// Number of bytes that are read from disk at once.
 const READ_BYTES: usize = 256 << 10;
 
+/// Number of bytes that are read at once to skip them.
+const SKIP_BYTES: usize = 16 << 10;
+
+/// Number of bytes that are read past the buffer: copies would cost more than a call of the system.
+const DIRECT_BYTES: usize = 4 << 10;
+
 /// The plain bytes of voxels, read once from first to last.
 pub(crate) trait ByteStream: Send {
     /// Fills part of `buffer` and returns the number of bytes, which is 0 only at the end of the data.
@@ -20,7 +26,7 @@ pub(crate) trait ByteStream: Send {
 
     /// Skips `bytes` bytes; returns how many of them existed.
     fn skip(&mut self, bytes: u64) -> Result<u64> {
-        let mut scratch = vec![0; READ_BYTES.min(usize::try_from(bytes).unwrap_or(READ_BYTES))];
+        let mut scratch = [0; SKIP_BYTES];
         let mut left = bytes;
         while left > 0 {
             let piece = scratch.len().min(usize::try_from(left).unwrap_or(usize::MAX));
@@ -54,6 +60,8 @@ pub(crate) trait ByteStream: Send {
 /// A buffered file that counts the bytes taken from it.
 pub(crate) struct CountingFile {
     file: BufReader<File>,
+    /// Length of the file when it was opened.
+    file_bytes: u64,
     taken: Arc<AtomicU64>,
 }
 
@@ -62,7 +70,9 @@ impl CountingFile {
     pub(crate) fn open(path: &Path, offset: u64) -> Result<Self> {
         let mut file = open_file(path)?;
         file.seek(SeekFrom::Start(offset)).map_err(FormatError::io(path))?;
-        Ok(Self { file: BufReader::with_capacity(READ_BYTES, file), taken: Arc::new(AtomicU64::new(offset)) })
+        let file_bytes = file.metadata().map_err(FormatError::io(path))?.len();
+        let (file, taken) = (BufReader::with_capacity(READ_BYTES, file), Arc::new(AtomicU64::new(offset)));
+        Ok(Self { file, file_bytes, taken })
     }
 
     /// A handle on the counter of bytes taken, which starts at the file's start.
@@ -72,9 +82,13 @@ impl CountingFile {
 
     /// Skips bytes without reading them.
     fn skip(&mut self, bytes: u64) -> io::Result<u64> {
+        let buffered = self.file.buffer().len();
+        if let Some(bytes) = usize::try_from(bytes).ok().filter(|&bytes| bytes <= buffered) {
+            self.consume(bytes);
+            return Ok(bytes as u64);
+        }
         let at = self.taken.load(Ordering::Relaxed);
-        let end = self.file.get_ref().metadata()?.len();
-        let step = bytes.min(end.saturating_sub(at));
+        let step = bytes.min(self.file_bytes.saturating_sub(at));
         self.file.seek(SeekFrom::Start(at + step))?;
         self.taken.store(at + step, Ordering::Relaxed);
         Ok(step)
@@ -83,7 +97,11 @@ impl CountingFile {
 
 impl Read for CountingFile {
     fn read(&mut self, buffer: &mut [u8]) -> io::Result<usize> {
-        let n = self.file.read(buffer)?;
+        let n = if buffer.len() >= DIRECT_BYTES && self.file.buffer().is_empty() {
+            self.file.get_mut().read(buffer)?
+        } else {
+            self.file.read(buffer)?
+        };
         self.taken.fetch_add(n as u64, Ordering::Relaxed);
         Ok(n)
     }

@@ -13,7 +13,7 @@ use crate::placement;
 use crate::stream::{ByteStream, ChainedStream, PlainStream};
 use crate::tiff_axes::{self, Axes, PageAxis};
 use crate::tiff_ifd::{Directory, TiffFile, tag};
-use crate::tiff_page::{self, Compression, Page, PageShape, PageStream};
+use crate::tiff_page::{self, Compression, Page, PageShape};
 use crate::volume_file::{Format, OpenStream, Takes, VolumeFile, Voxels};
 
 /// First bytes of a file: byte order, and version 42 (classic) or 43 (BigTIFF).
@@ -114,7 +114,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices,
-        voxels: Voxels::Stream(stream),
+        voxels: Voxels::Pages(stream),
     })
 }
 
@@ -221,7 +221,7 @@ fn page_stream(
         Ok(Box::new(ChainedStream::new(names, part_bytes, move |plane| {
             let number = page_of_plane.as_ref().map_or(plane, |map| map[plane]);
             let mut tiff = TiffFile::open(&path)?;
-            Ok(Box::new(PageStream::new(Page::read(&path, &mut tiff, pages[number])?)) as Box<dyn ByteStream>)
+            Page::read(&path, &mut tiff, pages[number])?.into_stream()
         })))
     })
 }

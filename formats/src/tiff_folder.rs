@@ -15,7 +15,7 @@ use crate::slice_numbers::{Gap, gap};
 use crate::stream::{ByteStream, ChainedStream};
 use crate::tiff::{plane_bytes, same_shape};
 use crate::tiff_ifd::TiffFile;
-use crate::tiff_page::{self, Compression, Page, PageStream};
+use crate::tiff_page::{self, Compression, Page};
 use crate::volume_file::{VolumeFile, Voxels};
 
 /// Reads the headers of the slices in `folder`.
@@ -82,7 +82,7 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         Ok(Box::new(ChainedStream::new(files, plane_bytes(shape), move |slice| {
             let mut tiff = TiffFile::open(&paths[slice])?;
             let page = tiff.pages()?[0];
-            Ok(Box::new(PageStream::new(Page::read(&paths[slice], &mut tiff, page)?)) as Box<dyn ByteStream>)
+            Page::read(&paths[slice], &mut tiff, page)?.into_stream()
         })) as Box<dyn ByteStream>)
     });
     Ok(VolumeFile {
@@ -93,7 +93,7 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices: Vec::new(),
-        voxels: Voxels::Stream(stream),
+        voxels: Voxels::Pages(stream),
     })
 }
 

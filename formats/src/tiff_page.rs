@@ -15,7 +15,7 @@ use flate2::bufread::ZlibDecoder;
 use pumice_core::LabelType;
 
 use crate::error::{FormatError, Result};
-use crate::stream::{ByteStream, open_file};
+use crate::stream::{ByteStream, PlainStream, open_file};
 use crate::tiff_ifd::{TiffFile, tag};
 
 /// Number of bytes that are read from disk at once.
@@ -204,6 +204,17 @@ impl Page {
         !self.tiled && self.chunks.windows(2).all(|w| w[0].0.checked_add(strip_bytes) == Some(w[1].0))
     }
 
+    /// The bytes of its pixels, row by row, in little-endian order.
+    pub(crate) fn into_stream(self) -> Result<Box<dyn ByteStream>> {
+        let is_as_stored = self.compression == Compression::None
+            && self.is_contiguous()
+            && (!self.big_endian || self.element_bytes() == 1);
+        match self.chunks.first() {
+            Some(&(start, _)) if is_as_stored => Ok(Box::new(PlainStream::open(&self.path, start)?)),
+            _ => Ok(Box::new(PageStream::new(self))),
+        }
+    }
+
     fn element_bytes(&self) -> usize {
         crate::element::Element::new(self.shape.label_type, false).bytes()
     }
@@ -229,7 +240,7 @@ impl Page {
 }
 
 /// The rows of one page, in little-endian order.
-pub(crate) struct PageStream {
+struct PageStream {
     page: Page,
     /// Next strip, or next row of tiles.
     band: u64,
@@ -242,7 +253,7 @@ pub(crate) struct PageStream {
 }
 
 impl PageStream {
-    pub(crate) fn new(page: Page) -> Self {
+    fn new(page: Page) -> Self {
         let rows_left = page.shape.height;
         Self { page, band: 0, strip: None, rows_left_in_strip: 0, buffer: Vec::new(), at: 0, rows_left }
     }
@@ -255,6 +266,23 @@ impl PageStream {
             return Ok(());
         }
         if self.page.tiled { self.next_tiles() } else { self.next_row() }
+    }
+
+    /// Leaves out strips, or rows of tiles, of which at most `rows` rows are to be skipped; returns their rows. The buffer is empty.
+    fn skip_bands(&mut self, rows: u64) -> u64 {
+        let mut skipped = 0;
+        if self.rows_left_in_strip > 0 {
+            if rows < self.rows_left_in_strip {
+                return 0;
+            }
+            skipped = std::mem::take(&mut self.rows_left_in_strip);
+        }
+        let height = self.page.chunk_height;
+        let bands = (rows - skipped).min(self.rows_left - skipped) / height;
+        self.band += bands;
+        skipped += bands * height;
+        self.rows_left -= skipped;
+        skipped
     }
 
     fn next_row(&mut self) -> Result<()> {
@@ -330,6 +358,28 @@ impl ByteStream for PageStream {
         buffer[..n].copy_from_slice(&self.buffer[self.at..self.at + n]);
         self.at += n;
         Ok(n)
+    }
+
+    /// Strips and tiles that lie in the skipped bytes as a whole are not decompressed.
+    fn skip(&mut self, bytes: u64) -> Result<u64> {
+        let row_bytes = self.page.shape.width * self.page.element_bytes() as u64;
+        let mut left = bytes;
+        while left > 0 {
+            if self.at == self.buffer.len() {
+                left -= self.skip_bands(left / row_bytes) * row_bytes;
+                if left == 0 {
+                    break;
+                }
+                self.refill()?;
+                if self.buffer.is_empty() {
+                    break;
+                }
+            }
+            let n = left.min((self.buffer.len() - self.at) as u64);
+            self.at += n as usize;
+            left -= n;
+        }
+        Ok(bytes - left)
     }
 }
 

@@ -65,6 +65,8 @@ pub(crate) type OpenStream = Box<dyn FnOnce() -> Result<Box<dyn ByteStream>>>;
 pub(crate) enum Voxels {
     /// From first to last.
     Stream(OpenStream),
+    /// From first to last, in pages of which any can be the first.
+    Pages(OpenStream),
     /// Chunk by chunk, in any order.
     Chunks(Chunks),
 }

@@ -24,7 +24,7 @@ from .labels import LabelGroups
 from .mesh import Mesh
 from .neuroglancer import open_state, state_layers
 from .page_memory import PageFigures, PageMemory
-from .parts import chunk_count, compress_file, compress_part, merge
+from .parts import chunk_count, compress_file, compress_part, merge, merge_into_part
 from .picture import CurvePoint, PickedPixel, Picture, cryptomatte_hash, devices, open_picture, render
 from .reference_picture import ReferencePicture
 from .renderer import Renderer
@@ -81,6 +81,7 @@ __all__ = [
     "figure",
     "is_on_server",
     "merge",
+    "merge_into_part",
     "open",
     "open_picture",
     "open_state",

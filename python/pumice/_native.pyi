@@ -134,7 +134,7 @@ class Job:
     @property
     def fraction(self, /) -> float | None:
         """
-        Completed share of the current stage, 0 to 1; `None` while it is not known.
+        Completed share of the call, 0 to 1, or of its current stage where a call has stages whose times it cannot tell; `None` while it is not known.
         """
 
 @final
@@ -580,16 +580,16 @@ def compress_file(source: str | PathLike[str] | Incomplete, out: str | PathLike[
     warnings of the reader with what of the table does not fit.
     """
 
-def compress_part(source: str | PathLike[str] | Incomplete, out: str | PathLike[str], *, chunks: str, source_name: str, fingerprint: str, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> list[str]:
+def compress_part(frames: SupportsGetItem[int, str | PathLike[str]] | SupportsGetItem[int, Incomplete], out: str | PathLike[str], *, chunks: str, time_steps: str | None = None, source_name: str, fingerprint: str, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> list[str]:
     """
-    Compresses some chunks of a file, or of blocks that are of these chunks alone, into a part; returns the reader's warnings. `source_name` and
-    `fingerprint` tell blocks from those of other sources; a file says that itself.
+    Compresses some chunks of a file or of a series of files, or of the blocks of one or several frames that are of these chunks alone, into a part;
+    returns the reader's warnings. `source_name` and `fingerprint` tell blocks from those of other sources; files say that themselves.
     """
 
-def compress_series(frames: SupportsGetItem[int, str | PathLike[str]] | SupportsGetItem[int, Incomplete], out: str | PathLike[str], *, time_steps: str | None = None, level: str = "default", given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[str, list[str]]:
+def compress_series(frames: SupportsGetItem[int, str | PathLike[str]] | SupportsGetItem[int, Incomplete], out: str | PathLike[str], *, time_steps: str | None = None, level: str = "default", given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, resume: bool = False, restart: bool = False, read_as: tuple[SupportsIndex | None, SupportsIndex | None, SupportsIndex | None, str | None, SupportsLenAndGetItem[SupportsFloat | SupportsIndex] | None, str | None, tuple[SupportsLenAndGetItem[SupportsIndex], str, bool, SupportsIndex] | None, tuple[str | None, str | None, str | None, str | None, str | None, str | PathLike[str] | None]], job: Job | None = None) -> tuple[str, list[str]]:
     """
     Compresses a time series into one file; returns what was written as JSON text, and the warnings of the reader with what of the table does not
-    fit.
+    fit. With `resume` or `restart` finished chunks are kept in a folder, as by the command.
     """
 
 def count_faces(volume: Volume, visible: SupportsGetItem[int, bool], *, lod: SupportsIndex, merged: bool, limit: SupportsIndex, job: Job | None = None) -> int:
@@ -631,6 +631,11 @@ def is_on_server(path: str | PathLike[str]) -> bool:
 def merge(parts: SupportsGetItem[int, str | PathLike[str]], out: str | PathLike[str], *, level: str = "default", given: str | AnnotationTable | PathLike[str] | None = None, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, job: Job | None = None) -> tuple[str, list[str]]:
     """
     Joins parts to the volume's file; returns what was written as JSON text, and what of the table does not fit.
+    """
+
+def merge_into_part(parts: SupportsGetItem[int, str | PathLike[str]], out: str | PathLike[str], *, memory_limit: SupportsIndex | None = None, threads: SupportsIndex = 0, job: Job | None = None) -> None:
+    """
+    Joins parts to one part.
     """
 
 def one_line(text: str) -> str:

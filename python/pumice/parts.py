@@ -87,7 +87,7 @@ def compress_part(
     """Compresses some `chunks` of `source` into the part `out`: a number, numbers, or a text such as `"0,4-7"`. Only their voxels are read.
 
     `source` and the other keywords are as for `compress`, those of reading as for `open`; names, types and numbers of a table are given to
-    `merge`. A time series, and `time_steps`, are as for `compress_series`: a part has its chunks at all time steps. A file is told from others by its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts
+    `merge`. A time series, all of it or its `time_steps`, is taken as well: a part has its chunks at all of them. A file is told from others by its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts
     with others are not merged."""
     text = _text_of(chunks)
     limits = limits_of(memory_limit, threads)
@@ -136,10 +136,8 @@ def merge(
     `dims`, and the numbers of `labels`, `boxes` and `bytes_disk`, of a time series also of `time_steps`."""
     given, told = labels_given(types, table)
     limits = limits_of(memory_limit, threads)
-    if isinstance(parts, (str, bytes, os.PathLike)):
-        raise InputError("parts: expected a list of paths, got one path")
     written, odd = _native.merge(
-        [arguments.path("parts", part) for part in parts],
+        _paths_of(parts),
         arguments.path("out", out),
         level=level,
         given=given,
@@ -148,6 +146,27 @@ def merge(
     )
     warn([*told, *odd])
     return outcome_of(written)
+
+
+@checked
+def merge_into_part(
+    parts: Iterable[Path],
+    out: Path,
+    *,
+    memory_limit: int | None = None,
+    threads: int = 0,
+    job: Job | None = None,
+) -> None:
+    """Joins some `parts` of a volume or of a time series, in any order, to the part `out`: the bytes that `compress_part` makes of all of their
+    chunks. It is merged with the other parts later; names, types and numbers of a table are given then. `memory_limit` and `threads` are as for
+    `compress`."""
+    _native.merge_into_part(_paths_of(parts), arguments.path("out", out), **limits_of(memory_limit, threads), job=job)
+
+
+def _paths_of(parts: Iterable[Path]) -> list[str]:
+    if isinstance(parts, (str, bytes, os.PathLike)):
+        raise InputError("parts: expected a list of paths, got one path")
+    return [arguments.path("parts", part) for part in parts]
 
 
 def _text_of(chunks: Chunks) -> str:

@@ -28,11 +28,10 @@ impl Job {
         self.0.is_cancelled()
     }
 
-    /// Completed share of the current stage, 0 to 1; `None` while it is not known.
+    /// Completed share of the call, 0 to 1, or of its current stage where a call has stages whose times it cannot tell; `None` while it is not known.
     #[getter]
     fn fraction(&self) -> Option<f64> {
-        let (done, total) = self.0.progress();
-        (total > 0).then(|| (done as f64 / total as f64).min(1.0))
+        self.0.fraction()
     }
 }
 

@@ -58,7 +58,7 @@ mod _native {
     #[pymodule_export]
     use crate::page_memory::PageMemory;
     #[pymodule_export]
-    use crate::parts::{chunk_count, chunk_regions, compress_file, compress_part, merge};
+    use crate::parts::{chunk_count, chunk_regions, compress_file, compress_part, merge, merge_into_part};
     #[pymodule_export]
     use crate::picture::{Picture, cryptomatte_hash, devices, panic_on_purpose, read_picture, render};
     #[pymodule_export]

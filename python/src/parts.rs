@@ -123,6 +123,28 @@ fn told(written: &WrittenVolume) -> String {
     told.to_string()
 }
 
+/// Joins parts to one part.
+#[pyfunction]
+#[pyo3(signature = (parts, out, *, memory_limit=None, threads=0, job=None))]
+pub(crate) fn merge_into_part(
+    py: Python<'_>,
+    parts: Vec<PathBuf>,
+    out: PathBuf,
+    memory_limit: Option<u64>,
+    threads: usize,
+    job: Option<&Bound<'_, Job>>,
+) -> PyResult<()> {
+    let job = job_of(job);
+    let options = CompressOptions { threads, memory_limit_bytes: memory_limit, ..CompressOptions::default() };
+    released(py, &job, || {
+        let outputs = Outputs::default();
+        outputs.declare(&out)?;
+        parts.iter().try_for_each(|part| outputs.check_input(part))?;
+        pumice_core::merge_into_part(&parts, &out, &options, &job)?;
+        Ok::<_, SessionError>(())
+    })
+}
+
 /// Joins parts to the volume's file; returns what was written as JSON text, and what of the table does not fit.
 #[pyfunction]
 #[pyo3(signature = (parts, out, *, level="default", given=None, memory_limit=None, threads=0, job=None))]

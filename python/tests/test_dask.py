@@ -5,6 +5,7 @@ import signal
 import subprocess
 import time
 
+import dask
 import dask.array
 import numpy as np
 import pumice
@@ -66,7 +67,51 @@ def test_parts_that_are_there_are_not_made_again(stored, whole, tmp_path):
     assert out.read_bytes() == whole and not parts.exists()
 
 
-def test_a_worker_is_killed(stored, whole, tmp_path):
+def test_merging_is_a_tree(stored, whole, tmp_path):
+    """Six chunks, two by two: 0–3 and 4–5, of which 0–1 and 2–3. What is there already is not made again, at each height."""
+    out, parts = tmp_path / "out.pumice", tmp_path / "out.pumice.parts"
+    tree = pumice.dask.compress(stored, out, axes="xyz", fan_in=2, compute=False)
+    names = sorted(key.rsplit("-", 1)[0] for key in tree.dask)
+    assert names.count("pumice-part") == 6 and names.count("pumice-join") == 4 and names.count("pumice-merge") == 1
+    flat = pumice.dask.compress(stored, out, axes="xyz", compute=False)
+    assert sum(key.startswith("pumice-join") for key in flat.dask) == 0
+    tree.compute(scheduler="synchronous")
+    assert out.read_bytes() == whole and not parts.exists()
+    out.unlink()
+
+    # Interrupted when one of the joined parts was there, and one that it replaces was not removed yet.
+    parts.mkdir()
+    for number in (2, 3):
+        pumice.compress_part(stored, parts / f"chunk-{number:06}.part", number, axes="xyz")
+    pumice.merge_into_part([parts / "chunk-000003.part", parts / "chunk-000002.part"], parts / "chunks-000002-000003.part")
+    (parts / "chunk-000002.part").unlink()
+    rest = pumice.dask.compress(stored, out, axes="xyz", fan_in=2, compute=False)
+    names = sorted(key.rsplit("-", 1)[0] for key in rest.dask)
+    assert names.count("pumice-part") == 4 and names.count("pumice-join") == 3
+    rest.compute(scheduler="synchronous")
+    assert out.read_bytes() == whole and not parts.exists()
+    for wrong in (1, 0, -3, "many"):
+        with pytest.raises(pumice.InputError, match="fan_in"):
+            pumice.dask.compress(stored, out, axes="xyz", fan_in=wrong)
+
+
+def test_a_part_that_was_joined_is_not_made_again(stored, whole, tmp_path):
+    """A worker that dies takes with it what its tasks returned: they run again, when their parts are gone but the joined one is there."""
+    out, parts = tmp_path / "out.pumice", tmp_path / "out.pumice.parts"
+    tree = pumice.dask.compress(stored, out, axes="xyz", fan_in=2, compute=False)
+    joined = parts / "chunks-000000-000003.part"
+    pumice.compress_part(stored, joined, "0-3", axes="xyz")
+    stamp = joined.stat().st_mtime_ns
+    keys = [key for key in tree.dask if key.startswith("pumice-join")]
+    dask.get(dict(tree.dask), keys)
+    assert joined.stat().st_mtime_ns == stamp
+    assert sorted(p.name for p in parts.iterdir()) == ["chunks-000000-000003.part", "chunks-000004-000005.part"]
+    tree.compute(scheduler="synchronous")
+    assert out.read_bytes() == whole
+
+
+@pytest.mark.parametrize("fan_in", [2, 16])
+def test_a_worker_is_killed(stored, whole, tmp_path, fan_in):
     import distributed
 
     out = tmp_path / "out.pumice"
@@ -74,7 +119,7 @@ def test_a_worker_is_killed(stored, whole, tmp_path):
         distributed.LocalCluster(n_workers=2, threads_per_worker=1, processes=True, dashboard_address=None) as cluster,
         distributed.Client(cluster) as client,
     ):
-        merged = client.compute(pumice.dask.compress(stored, out, axes="xyz", compute=False))
+        merged = client.compute(pumice.dask.compress(stored, out, axes="xyz", fan_in=fan_in, compute=False))
         until = time.monotonic() + 60
         while not list((tmp_path / "out.pumice.parts").glob("*.part")) and time.monotonic() < until:
             time.sleep(0.01)

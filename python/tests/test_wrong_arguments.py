@@ -113,6 +113,7 @@ def made(small, tmp_path_factory):
                 **{"memory_limit": 1 << 30, "threads": 1, "job": None, "axes": "xyz"},
             },
         ),
+        "merge_into_part": (pumice.merge_into_part, {"parts": [folder / "v.part"], "out": "out.part", "memory_limit": 1 << 28, "threads": 1, "job": None}),
         "merge": (
             pumice.merge,
             {"parts": [folder / "v.part"], "out": "out.pumice", "level": "fast", "types": {1: "a"}, "memory_limit": 1 << 30, "threads": 1, "job": None},
@@ -203,7 +204,7 @@ def made(small, tmp_path_factory):
 # The names in `made`, which needs a volume, and so is a fixture.
 NAMES = [
     *["open", "open labels", "open raw", "probe", "compress", "compress with a table", "compress a file", "distinct_colors"],
-    *["chunk_count", "compress_file", "compress_file with a table", "compress_part", "merge", "compress_series", "compress_series of a file", "compress_part of a series"],
+    *["chunk_count", "compress_file", "compress_file with a table", "compress_part", "merge", "merge_into_part", "compress_series", "compress_series of a file", "compress_part of a series"],
     *["Volume.save", "Volume.verify", "Volume.decode", "Volume.label_at", "Volume.faces", "Volume.coarse_surface", "Volume.with_labels"],
     *["LabelTable.index_of", "LabelTable.rows_of", "LabelTable.isin", "LabelTable.query", "LabelTable.auto_colors"],
     *["AnnotationTable", "AnnotationTable.save"],

@@ -58,7 +58,9 @@ pub use open::{
     Residence, open_chosen, open_labels, open_meshes, open_more_labels, open_shown, open_source, open_volume,
     with_built_in,
 };
-pub use part_files::{MergeRequest, PartOutcome, PartRequest, compress_part_file, merge_files};
+pub use part_files::{
+    MergeRequest, PartOutcome, PartRequest, compress_part_file, merge_files, merge_part_files,
+};
 pub use persistent_renderer::{PersistentRenderer, Watching};
 pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};

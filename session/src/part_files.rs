@@ -2,7 +2,10 @@
 
 use std::path::PathBuf;
 
-use pumice_core::{ChunkGrid, ChunkSet, CompressOptions, CompressionLevel, Job, Outputs, merge_parts};
+use pumice_core::{
+    ChunkGrid, ChunkSet, CompressOptions, CompressionLevel, Job, Outputs, TypeTable, WrittenVolume,
+    merge_into_part, merge_parts, read_part,
+};
 use pumice_formats::{OpenOptions, TimeSteps};
 use serde::Serialize;
 
@@ -67,18 +70,24 @@ pub fn compress_part_file(request: &PartRequest, job: &Job) -> Result<PartOutcom
     let (source, info) = (input.source()?, input.info()?);
     let limits = (request.threads, request.memory_limit_bytes);
     let written = input.write_part(&request.chunks, (&source, &info), &request.output, limits, job)?;
-    Ok(PartOutcome {
-        seconds: clock.seconds(),
-        cpu_seconds: clock.cpu_seconds(),
-        dims: written.dims,
-        time_steps: (written.frames > 1).then_some(written.frames),
-        chunks: request.chunks.clone(),
-        of: ChunkGrid::new(written.dims).chunks(),
-        labels: written.labels,
-        boxes: written.boxes,
-        bytes_disk: written.bytes_disk,
-        warnings: request.reading.warnings.list(),
-    })
+    Ok(PartOutcome::of(&written, request.chunks.clone(), &clock, request.reading.warnings.list()))
+}
+
+impl PartOutcome {
+    fn of(written: &WrittenVolume, chunks: ChunkSet, clock: &Stopwatch, warnings: Vec<String>) -> Self {
+        Self {
+            seconds: clock.seconds(),
+            cpu_seconds: clock.cpu_seconds(),
+            dims: written.dims,
+            time_steps: (written.frames > 1).then_some(written.frames),
+            chunks,
+            of: ChunkGrid::new(written.dims).chunks(),
+            labels: written.labels,
+            boxes: written.boxes,
+            bytes_disk: written.bytes_disk,
+            warnings,
+        }
+    }
 }
 
 /// Parts, output and options of [`merge_files`].
@@ -113,6 +122,32 @@ pub fn merge_files(request: &MergeRequest, outputs: &Outputs, job: &Job) -> Resu
     merge_with(request, labels, &clock, job)
 }
 
+/// Joins parts of a volume or of a time series, not all of them, to one part: that of all their chunks. The request's level, types and table have
+/// no effect.
+///
+/// # Errors
+/// As [`merge_files`]; but chunks may be missing.
+pub fn merge_part_files(request: &MergeRequest, outputs: &Outputs, job: &Job) -> Result<PartOutcome> {
+    let clock = Stopwatch::start();
+    outputs.declare(&request.output)?;
+    request.parts.iter().try_for_each(|part| outputs.check_input(part))?;
+    let options = request.options(None);
+    let written = merge_into_part(&request.parts, &request.output, &options, job)?;
+    let chunks = read_part(&request.output, job)?.chunks;
+    Ok(PartOutcome::of(&written, chunks, &clock, Vec::new()))
+}
+
+impl MergeRequest {
+    fn options(&self, types: Option<TypeTable>) -> CompressOptions {
+        CompressOptions {
+            threads: self.threads.unwrap_or(0),
+            memory_limit_bytes: self.memory_limit_bytes,
+            types,
+            ..CompressOptions::default()
+        }
+    }
+}
+
 /// Joins parts with labels that were read, whatever files the request names.
 pub(crate) fn merge_with(
     request: &MergeRequest,
@@ -120,12 +155,7 @@ pub(crate) fn merge_with(
     clock: &Stopwatch,
     job: &Job,
 ) -> Result<CompressOutcome> {
-    let options = CompressOptions {
-        threads: request.threads.unwrap_or(0),
-        memory_limit_bytes: request.memory_limit_bytes,
-        types: labels.types.clone(),
-        ..CompressOptions::default()
-    };
+    let options = request.options(labels.types.clone());
     let (written, fit) = labels.describing(|describe| {
         Ok(merge_parts(&request.parts, &request.output, request.level, &options, describe, job)?)
     })?;

@@ -43,6 +43,7 @@ OPTIONS = {
     "merge": {
         **dict.fromkeys(["--out", "--level", "--json", "--threads", "--memory-limit", "--types"], ""),
         "--table": "with --types",
+        "--part": "with --level",
     },
     "info": {
         "--json": "with --labels",

@@ -12,6 +12,7 @@ import time
 
 import numpy as np
 import pytest
+import tifffile
 import zarr
 from command import run
 
@@ -31,19 +32,21 @@ def labels():
 
 @pytest.fixture(scope="module")
 def sources(labels, tmp_path_factory):
-    """The same volume in a store, in a file whose voxels lie open, along z and along x, and in a stream."""
+    """The same volume in a store, in files whose voxels lie open, with z and with x as the fastest axis, in compressed pages, and in a stream."""
     folder = tmp_path_factory.mktemp("sources")
     store = zarr.create_array(folder / "a.zarr", shape=SHAPE, dtype="u8", chunks=(300, 256, 6))
     store[:] = labels
     np.save(folder / "c.npy", labels)
     np.save(folder / "f.npy", np.asfortranarray(labels))
+    tifffile.imwrite(folder / "a.tif", labels.transpose(2, 1, 0), photometric="minisblack", compression="zlib")
     raw = labels.tobytes(order="F")
     (folder / "a.raw.gz").write_bytes(gzip.compress(raw, 1))
     gz = ["--raw-dims", ",".join(map(str, SHAPE)), "--raw-type", "u64"]
     return {
         "store": [folder / "a.zarr", "--axes", "xyz"],
-        "layers across x": [folder / "c.npy", "--axes", "xyz"],
-        "layers across z": [folder / "f.npy", "--axes", "xyz"],
+        "rows along z": [folder / "c.npy", "--axes", "xyz"],
+        "rows along x": [folder / "f.npy", "--axes", "xyz"],
+        "pages": [folder / "a.tif"],
         "stream": [folder / "a.raw.gz", *gz],
     }
 
@@ -62,7 +65,7 @@ def whole(pumice, sources, tmp_path_factory):
     return at
 
 
-@pytest.mark.parametrize("kind", ["store", "layers across x", "layers across z", "stream"])
+@pytest.mark.parametrize("kind", ["store", "rows along z", "rows along x", "pages", "stream"])
 def test_merged_parts_are_the_whole_volume(pumice, sources, whole, tmp_path, kind):
     parts = []
     for chunks in ("0,5", "4", "1-3"):
@@ -74,6 +77,24 @@ def test_merged_parts_are_the_whole_volume(pumice, sources, whole, tmp_path, kin
         report = json.loads(run(pumice, "merge", *parts[::-1], "--level", level, "-o", out, "--json", "-").fine())
         assert out.read_bytes() == whole(level)
         assert report["bytes_disk"] == out.stat().st_size and report["dims"] == list(SHAPE)
+
+
+def test_parts_join_to_a_part(pumice, sources, whole, tmp_path):
+    made = {}
+    for chunks in ("0", "1-2", "3", "4-5", "0,3"):
+        made[chunks] = tmp_path / f"{chunks}.part"
+        run(pumice, "compress", *sources["store"], "--chunks", chunks, "-o", made[chunks]).fine()
+    out = tmp_path / "joined.part"
+    report = json.loads(run(pumice, "merge", "--part", made["3"], made["0"], "-o", out, "--json", "-").fine())
+    assert out.read_bytes() == made["0,3"].read_bytes()
+    assert (report["chunks"], report["of"], report["bytes_disk"]) == ("0,3", 6, out.stat().st_size)
+    run(pumice, "merge", made["4-5"], out, made["1-2"], "-o", tmp_path / "out.pumice").fine()
+    assert (tmp_path / "out.pumice").read_bytes() == whole("default")
+    wrong = tmp_path / "wrong.part"
+    assert "both have chunk 3" in run(pumice, "merge", "--part", made["3"], out, "-o", wrong).refused()
+    for option in (["--level", "small"], ["--types", "a.csv"], ["--table", "a.csv"]):
+        assert option[0] in run(pumice, "merge", "--part", made["0"], "-o", wrong, *option).refused()
+    assert not wrong.exists()
 
 
 def test_parts_that_do_not_belong_together_are_refused(pumice, sources, labels, tmp_path):
@@ -166,7 +187,7 @@ def goes_on(pumice, args, out, expected, moments, how):
         assert sorted(p.name for p in out.parent.iterdir() if not p.name.startswith(".pumice-")) == [out.name]
 
 
-@pytest.mark.parametrize("kind", ["store", "layers across x"])
+@pytest.mark.parametrize("kind", ["store", "rows along z"])
 def test_what_is_killed_goes_on(pumice, sources, whole, tmp_path, kind):
     out = tmp_path / "out.pumice"
     args = ["compress", *sources[kind], "--threads", "1", "-o", out]
@@ -187,6 +208,16 @@ def test_what_is_killed_at_any_moment_goes_on(pumice, sources, whole, tmp_path):
     took = time.monotonic() - start
     rng = random.Random(11)
     goes_on(pumice, args, out, whole("default"), [took * rng.uniform(0, 1.1) for _ in range(50)], signal.SIGKILL)
+
+
+@pytest.mark.parametrize(("kind", "count"), [("store", 6), ("rows along z", 6), ("rows along x", 6), ("pages", 1)])
+def test_a_part_has_one_chunk_where_rows_can_be_skipped(pumice, sources, whole, tmp_path, kind, count):
+    """Of compressed pages, parts have all chunks of a layer."""
+    out = tmp_path / "out.pumice"
+    run(pumice, "compress", *sources[kind], "--resume", "-o", out, file_size_limit=20_000).refused()
+    assert json.loads((tmp_path / "out.pumice.parts/manifest.json").read_text())["parts"] == count
+    run(pumice, "compress", *sources[kind], "--resume", "-o", out).fine()
+    assert out.read_bytes() == whole("default")
 
 
 def test_leftovers_are_named_and_another_source_is_refused(pumice, labels, whole, tmp_path):

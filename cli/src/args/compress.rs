@@ -34,8 +34,8 @@ pub(crate) struct Compress {
     pub(crate) chunks: Option<ChunkSet>,
     /// Keep finished chunks in the folder OUT.pumice.parts until all are done, and go on with those that are there
     ///
-    /// After an interrupt the same command goes on and gives the same file; the folder is removed at the end. Of voxels that are not
-    /// compressed, whole layers of chunks are kept; of a time series, chunks at all time steps. A compressed stream can only be read from its beginning and is refused.
+    /// After an interrupt the same command goes on and gives the same file; the folder is removed at the end. Of compressed TIFF, whole layers of
+    /// chunks are kept; of a time series, chunks at all time steps. A compressed stream can only be read from its beginning and is refused.
     #[arg(long)]
     pub(crate) resume: bool,
     /// Remove what an interrupted compression left in OUT.pumice.parts, then begin anew as with --resume

@@ -10,7 +10,8 @@ use super::CompressionLevel;
 /// Join the parts of a volume or of a time series, made by `pumice compress --chunks`, into a .pumice file
 ///
 /// The file has the bytes that compressing the volume at once gives, whatever the parts and their order. Parts of another source, of other
-/// options or of another number of time steps, chunks that come twice and chunks that are missing are refused by name. One chunk is in memory at a time.
+/// options or of another number of time steps, chunks that come twice and chunks that are missing are refused by name. One chunk is in memory at a
+/// time. With --part some parts become one, which is merged with the others later.
 #[derive(Debug, Args)]
 pub(crate) struct Merge {
     /// The parts, in any order
@@ -19,6 +20,12 @@ pub(crate) struct Merge {
     /// The .pumice file to write
     #[arg(short, long, value_name = "OUT.pumice")]
     pub(crate) out: PathBuf,
+    /// Write a part again, of the chunks of these parts: the bytes that compressing them at once gives
+    ///
+    /// For parts that lie on several machines: each sends one file instead of many. Chunks may be missing. Merging reads every chunk, so each such
+    /// step takes about a seventh of the CPU time of compressing.
+    #[arg(long, conflicts_with_all = ["level", "types", "table"])]
+    pub(crate) part: bool,
     /// How much time to spend on a smaller file
     ///
     /// `default` copies the chunks of the parts; `fast` decodes them; `small` codes their voxels again, about a CPU second per 10⁸ voxels.

@@ -37,7 +37,7 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
     let reading = open_options(&args.reading);
     declare_report(&reading.outputs, args.json.as_deref())?;
     let threads = args.threads.map(usize::from);
-    let bar = Bar::follow("compressing", job);
+    let bar = Bar::follow_whole("compressing", job);
     if let Some(chunks) = &args.chunks {
         let outcome = compress_part_file(
             &PartRequest {
@@ -75,7 +75,7 @@ pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
 }
 
 /// Says what a part holds.
-fn report_part(out: &Path, json: Option<&Path>, outcome: PartOutcome) -> Result<Answer, Failure> {
+pub(crate) fn report_part(out: &Path, json: Option<&Path>, outcome: PartOutcome) -> Result<Answer, Failure> {
     if json != Some(Path::new("-")) {
         let steps = outcome.time_steps.map_or_else(String::new, |n| format!("{n} time steps, "));
         say(format_args!(

@@ -1,4 +1,4 @@
-//! Joins the parts of a volume to the volume's file: the bytes that compressing it at once gives.
+//! Joins the parts of a volume to the volume's file, or some of them to one part: the bytes that compressing these chunks at once gives.
 //!
 //! ```text
 //! heads of all parts ─► same volume, same source, each chunk once ─► table of all ids
@@ -17,7 +17,7 @@ use std::path::{Path, PathBuf};
 use super::file_sink::{FileSink, write_file};
 use super::format_error::Stop;
 use super::layout::Entry;
-use super::part::{OpenPart, PlaceOfChunk};
+use super::part::{OpenPart, PartHead, PlaceOfChunk};
 use super::part_chunk::{FrameOfChunk, add_faces, changed, read_chunk};
 use super::sections::read_sections;
 use super::voxel_pieces::{check_disjoint, encode_piece};
@@ -53,6 +53,41 @@ pub fn merge_parts(
     job: &Job,
 ) -> Result<WrittenVolume> {
     let (parts, ids) = open_parts(parts, job)?;
+    check_complete(&parts, &chunks_of(&parts)?)?;
+    merge_open(&parts, ids, path, (level, None), options, describe, job)
+}
+
+/// Joins parts of a volume or of a time series, in any order, to one part: the file that [`crate::compress_part`] or
+/// [`crate::compress_series_part`] makes of all of their chunks at once, byte for byte. [`CompressOptions::types`] has no effect.
+///
+/// # Errors
+/// As [`merge_parts`]; but chunks may be missing.
+pub fn merge_into_part(
+    parts: &[PathBuf],
+    path: &Path,
+    options: &CompressOptions,
+    job: &Job,
+) -> Result<WrittenVolume> {
+    let (parts, ids) = open_parts(parts, job)?;
+    let chunks = chunks_of(&parts)?;
+    let info = parts.first().map(|first| &first.info);
+    let of = info.map_or(0, |info| ChunkGrid::new(info.volume.dims).chunks());
+    let head = PartHead::new(chunks, of, info.map(|info| info.source.clone()).unwrap_or_default());
+    let options = CompressOptions { types: None, ..options.clone() };
+    let level = (CompressionLevel::Default, Some(&head));
+    merge_open(&parts, ids, path, level, &options, &mut |_| Ok(()), job)
+}
+
+/// Joins open parts to a volume, or with the head of a part to a part.
+fn merge_open(
+    parts: &[OpenPart],
+    ids: Vec<u64>,
+    path: &Path,
+    (level, head): (CompressionLevel, Option<&PartHead>),
+    options: &CompressOptions,
+    describe: &mut (dyn FnMut(&mut CompressedVolume) -> Result<()> + Send),
+    job: &Job,
+) -> Result<WrittenVolume> {
     let first = parts.first().ok_or_else(|| Error::Caller("expected parts of a volume, got none".into()))?;
     let dims = first.info.volume.dims;
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
@@ -62,14 +97,14 @@ pub fn merge_parts(
         write_file(path, job, |file| {
             let scratch = Scratch::new(&folder);
             let mut sink = FileSink::new(level, dims, frames, ids.len() as u32, &scratch, &budget);
-            let (labels, content_hashes) = join(&parts, ids, &mut sink, &budget, job)?;
+            let (labels, content_hashes) = join(parts, ids, &mut sink, &budget, job)?;
             let mut volume = CompressedVolume::empty(first.info.volume.clone());
             volume.labels = labels;
             if let Some(types) = &options.types {
                 types.apply(&mut volume.labels);
             }
             describe(&mut volume)?;
-            sink.write((file, path), volume, &content_hashes, None, job)
+            sink.write((file, path), volume, &content_hashes, head, job)
         })
     })
 }
@@ -100,7 +135,6 @@ fn open_parts(paths: &[PathBuf], job: &Job) -> Result<(Vec<OpenPart>, Vec<u64>)>
     if u32::try_from(ids.len()).is_err() {
         return Err(Error::Limit { what: "labels".into(), limit: u32::MAX.into(), got: ids.len() as u64 });
     }
-    check_complete(&parts)?;
     Ok((parts, ids))
 }
 
@@ -136,36 +170,39 @@ fn check_same(first: &OpenPart, part: &OpenPart) -> Result<()> {
     Ok(())
 }
 
-/// Returns an error unless the parts have each chunk of their volume once.
-fn check_complete(parts: &[OpenPart]) -> Result<()> {
-    let Some(first) = parts.first() else { return Ok(()) };
-    let total = ChunkGrid::new(first.info.volume.dims).chunks();
+/// The chunks of all parts; an error where two have the same one.
+fn chunks_of(parts: &[OpenPart]) -> Result<ChunkSet> {
     let of_part = |part: usize| parts[part].info.chunks.ranges().iter().map(move |&range| (range, part));
     let mut ranges: Vec<([u64; 2], usize)> = (0..parts.len()).flat_map(of_part).collect();
     ranges.sort_unstable();
-    let mut missing: Vec<String> = Vec::new();
-    let mut next = 0;
-    let gap =
-        |from: u64, to: u64| if from + 1 == to { from.to_string() } else { format!("{from}-{}", to - 1) };
-    for (i, &([low, high], part)) in ranges.iter().enumerate() {
-        if low < next {
-            let (one, other) = (parts[ranges[i - 1].1].path.display(), parts[part].path.display());
+    for pair in ranges.windows(2) {
+        let ([_, high], [low, _]) = (pair[0].0, pair[1].0);
+        if low <= high {
+            let (one, other) = (parts[pair[0].1].path.display(), parts[pair[1].1].path.display());
             return Err(Error::Caller(format!(
                 "{one} and {other} both have chunk {low}: expected each chunk once"
             )));
         }
+    }
+    Ok(ChunkSet::of_ranges(ranges.into_iter().map(|(range, _)| range)))
+}
+
+/// Returns an error unless `chunks`, those of the parts, are all chunks of the volume.
+fn check_complete(parts: &[OpenPart], chunks: &ChunkSet) -> Result<()> {
+    let Some(first) = parts.first() else { return Ok(()) };
+    let total = ChunkGrid::new(first.info.volume.dims).chunks();
+    let mut missing = Vec::new();
+    let mut next = 0;
+    for [low, high] in chunks.ranges().iter().copied().chain([[total, total]]) {
         if low > next {
-            missing.push(gap(next, low));
+            missing.push([next, low - 1]);
         }
         next = high + 1;
-    }
-    if next < total {
-        missing.push(gap(next, total));
     }
     if missing.is_empty() {
         return Ok(());
     }
-    let missing: ChunkSet = missing.join(",").parse().map_err(Error::Caller)?;
+    let missing = ChunkSet::of_ranges(missing);
     Err(Error::Caller(format!(
         "the parts lack {} of the volume's {total} chunks: {missing} (pumice compress --chunks makes them)",
         missing.len()

@@ -77,7 +77,7 @@ pub(crate) use part::PartHead;
 
 pub use file_sink::WrittenVolume;
 pub use layout::MAGIC;
-pub use merge::merge_parts;
+pub use merge::{merge_into_part, merge_parts};
 pub use part::{PartInfo, PartSource, read_part};
 pub use series::{Series, frames_in_file};
 pub use write::CompressionLevel;
