@@ -22,7 +22,7 @@ A module imports only from lines below its own:
     figure_follow    import_dialog
     scale_bar            legend           true_overlays    grid_shader
     volume_object    picture_texture      missing_boxes        overlay              opening              color_ramp
-    provenance           figure_frame         figure_part          proxy
+    provenance           figure_frame         figure_part          proxy                oidn
     proxy_material
     sync.*           registry             file_facts           label_carry          figure_settings
     preferences      active_volume

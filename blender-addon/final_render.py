@@ -12,7 +12,7 @@ import dataclasses
 
 import bpy
 
-from . import native, passes, persistent, preferences, provenance, registry, render_result, render_work, scene_reader
+from . import native, oidn, passes, persistent, preferences, provenance, registry, render_result, render_work, scene_reader
 from .reports import Refused
 
 
@@ -39,6 +39,13 @@ def limits(wishes):
         "seconds": wishes.time_seconds if wishes.use_time else None,
         "error": wishes.error_percent / 100.0 if wishes.use_error else None,
     }
+
+
+def denoiser(wishes):
+    """The denoiser of a final render, as `pumice.Renderer.render` takes it."""
+    if not wishes.use_denoise:
+        return False
+    return oidn.name() if wishes.denoiser == "OIDN" else "statistical"
 
 
 def is_watched():
@@ -73,7 +80,7 @@ def render(engine, depsgraph):
 
     # Render, and show what there is.
     growing, watched = render_result.Growing(engine, view_layer, size), is_watched()
-    shown = dict(denoise=wishes.use_denoise, growing=watched, growing_passes=watched and bool(passes.wanted(view_layer)))
+    shown = dict(denoise=denoiser(wishes), growing=watched, growing_passes=watched and bool(passes.wanted(view_layer)))
     work = render_work.Work(pumice, kept.renderer, scene, volumes, parts.geometries(), limits(wishes), **shown)
     picture = work.watch(engine, growing)
     if picture is None:

@@ -69,6 +69,9 @@ class PUMICE_RENDER_PT_sampling(_OfScene, bpy.types.Panel):
         layout.prop(wishes, "use_viewport_denoise")
         layout.prop(wishes, "samples", text="Render")
         layout.prop(wishes, "use_denoise")
+        field = layout.column()
+        field.active = wishes.use_denoise
+        field.prop(wishes, "denoiser")
         for use, value, heading in (("use_error", "error_percent", "Error"), ("use_time", "time_seconds", "Time Limit")):
             row = layout.row(heading=heading)
             row.prop(wishes, use, text="")

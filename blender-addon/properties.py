@@ -74,18 +74,33 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     use_viewport_denoise: BoolProperty(
         name="Denoise Viewport",
         description=(
-            "Denoise the viewport's picture until it is done. Labels stay sharp, faint shadows may blur. "
-            "The finished picture is not denoised"
+            "Denoise the viewport's picture until it is done, always with the statistical denoiser. Labels stay sharp, "
+            "faint shadows may blur. The finished picture is not denoised"
         ),
         default=False,
     )
     use_denoise: BoolProperty(
         name="Denoise",
         description=(
-            "Denoise final renders: smoother, and biased, as pixels that a statistical test cannot tell apart are averaged. "
+            "Denoise final renders: smoother, and biased, no longer the mean of their samples. "
             "The pass Noisy Image has the picture before"
         ),
         default=False,
+    )
+    denoiser: EnumProperty(
+        name="Denoiser",
+        description="The filter of final renders",
+        items=(
+            ("STATISTICAL", "Statistical", "Average pixels of one label that a statistical test cannot tell apart", 0),
+            (
+                "OIDN",
+                "Open Image Denoise",
+                "Intel's neural network, in Blender's own copy. Less noise from few samples, some seconds of all processors, "
+                "and it may invent structure",
+                1,
+            ),
+        ),
+        default="STATISTICAL",
     )
     use_error: BoolProperty(
         name="Error Target",

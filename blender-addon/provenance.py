@@ -10,7 +10,7 @@
     pumice/seed      seed of the random numbers
     pumice/samples   samples of each pixel; the mean with a noise threshold
     pumice/error     estimated relative error of the mean of the samples; absent where it is unknown
-    pumice/denoised  `statistical, biased` where the picture is denoised; absent elsewhere
+    pumice/denoised  where the picture is denoised: `statistical, biased`, or `Open Image Denoise 2.3.3, biased`
 
 Blender writes it whatever is chosen in Output › Metadata.
 """

@@ -9,11 +9,10 @@
 //! All three see the same picture, Open Image Denoise with base colour and normal. The seconds are those of the samples and, where there is
 //! one, of the denoiser. The reference's own noise is subtracted from relMSE, not from FLIP, which knows no such part.
 
-mod oidn;
 mod tables;
 mod viewport;
 
-use std::path::{Path, PathBuf};
+use std::path::PathBuf;
 use std::sync::Arc;
 
 use clap::{Args, ValueEnum};
@@ -25,9 +24,9 @@ use pumice_picture::{Guides, Image, Picture};
 use pumice_scene::Scene;
 use pumice_session::backend::{FallbackRenderer, make_renderer};
 use pumice_session::error::{Result, SessionError};
-use pumice_session::open_meshes;
 use pumice_session::progressive::{Stop, render_until};
 use pumice_session::values::size;
+use pumice_session::{Oidn, open_meshes};
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 
 use crate::console::{BenchResult, Console, Outcome};
@@ -36,7 +35,6 @@ use crate::files::{rising, scratch};
 use crate::machine;
 use crate::mean_picture::MeanPicture;
 use crate::timing::{Took, clocked};
-use oidn::Oidn;
 
 /// Pictures that make up the reference, each with its own seed.
 const BATCHES: u32 = 4;
@@ -44,7 +42,7 @@ const BATCHES: u32 = 4;
 const SEED: u64 = 7;
 const REFERENCE_SEED: u64 = 1007;
 
-/// relMSE and FLIP against CPU seconds, as rendered and denoised, beside Open Image Denoise if --oidn names a Python with pyoidn
+/// relMSE and FLIP against CPU seconds, as rendered and denoised, beside Open Image Denoise if --oidn names its library
 ///
 /// Renders six scenes in the light that artists use. Writes denoise.csv, denoise.md and an SVG for each scene; with --viewport instead how
 /// soon a live picture is close to the converged one after the camera moved, as viewport.csv and viewport.md.
@@ -53,8 +51,8 @@ pub(crate) struct Flags {
     /// Label volumes; the shipped ones by default
     #[arg(value_name = "FILE")]
     volumes: Vec<PathBuf>,
-    /// Python interpreter that has the module pyoidn
-    #[arg(long, value_name = "PYTHON")]
+    /// Library of Open Image Denoise
+    #[arg(long, value_name = "LIBRARY")]
     oidn: Option<PathBuf>,
     /// Only these scenes
     #[arg(long, value_name = "NAME,…", value_enum, value_delimiter = ',')]
@@ -142,7 +140,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     let scenes = flags.only.clone().unwrap_or_else(|| LightScene::value_variants().to_vec());
     let figure = Figure { size: flags.size(), pick: flags.pick as usize, bounces: flags.bounces };
     // Asked before the work, not after it.
-    let oidn = flags.oidn.as_deref().map(Oidn::check).transpose()?;
+    let oidn = flags.oidn.as_deref().map(|library| Oidn::find(Some(library))).transpose()?;
     let mut drawn_by = DrawnBy::new(&flags.backend)?;
     let temporary = scratch()?;
     if flags.viewport {
@@ -174,13 +172,13 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
         let mut results = Vec::new();
         each_scene(&scenes, &volumes, figure, temporary.path(), job, &mut |name, scene, volume| {
             watch(name);
-            results.extend(measured(flags, name, scene, volume, oidn.as_ref(), &mut drawn_by, job)?);
+            results.extend(measured(flags, name, scene, volume, oidn, &mut drawn_by, job)?);
             Ok(())
         })?;
         Ok::<_, SessionError>(results)
     })?;
-    let version = oidn.as_ref().map(|oidn| oidn.version.as_str());
-    tables::write(&flags.out, &drawn_by.described(), version, flags.size(), &results)?;
+    let version = oidn.map(|oidn| oidn.denoiser().name());
+    tables::write(&flags.out, &drawn_by.described(), version.as_deref(), flags.size(), &results)?;
     console.line(flags.out.join("denoise.md").display())?;
     Ok(Outcome::Holds)
 }
@@ -279,8 +277,8 @@ fn measured(
         let (ours, took) = clocked(|| filtered(&mut renderer, name, &picture))?;
         judge(Through::Pumice, &ours, took.cpu_seconds)?;
         if let Some(oidn) = oidn {
-            let (theirs, cpu_seconds) = oidn.denoise(&picture)?;
-            judge(Through::Oidn, &theirs, cpu_seconds)?;
+            let (theirs, took) = clocked(|| oidn.denoised(&picture))?;
+            judge(Through::Oidn, &theirs, took.cpu_seconds)?;
         }
     }
     let notices = renderer.notices();
@@ -298,9 +296,4 @@ fn filtered(renderer: &mut FallbackRenderer, name: &str, picture: &Picture) -> R
         guides.ok_or_else(|| SessionError::Caller(format!("{name}: expected first surfaces, got none")))?;
     let variance = picture.variance.as_ref().map(variance_known);
     Ok(denoised(&picture.color, variance, &guides).map_err(RenderError::from)?)
-}
-
-/// The refusal of what `--oidn` names.
-fn wrong(program: &Path, what: impl std::fmt::Display) -> SessionError {
-    SessionError::Caller(format!("--oidn {}: {what}", program.display()))
 }

@@ -330,7 +330,7 @@ class Renderer:
         """
         How often each kind of data was built, by name; waits for a picture that is being rendered.
         """
-    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool, bool], *, denoise: bool, job: Job | None, on_progress: Any | None) -> Picture:
+    def render(self, /, scene: Scene, volumes: SupportsGetItem[int, Volume], meshes: SupportsGetItem[int, Mesh], limits: tuple[SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], watching: tuple[bool, bool, bool], *, denoise: str | None, job: Job | None, on_progress: Any | None) -> Picture:
         """
         Renders a scene until the first limit is reached. `watching`: whether frames are published, whether pictures so far are
         made with all passes, and whether a cancelled render returns its picture so far.
@@ -675,7 +675,7 @@ def read_picture(path: str | PathLike[str]) -> Picture:
     Reads a picture from an OpenEXR file.
     """
 
-def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], annotate: Incomplete, *, denoise: bool, memory_limit: SupportsIndex | None, job: Job | None, on_progress: Any | None) -> Picture:
+def render(scene: Scene, volumes: SupportsGetItem[int, Volume] | None, meshes: SupportsGetItem[int, Mesh], how: tuple[str, SupportsIndex | None, SupportsFloat | SupportsIndex | None, SupportsFloat | SupportsIndex | None], annotate: Incomplete, *, denoise: str | None, memory_limit: SupportsIndex | None, job: Job | None, on_progress: Any | None) -> Picture:
     """
     Renders a scene until the first limit is reached. `volumes[i]` belongs to its instance i; without volumes its sources are opened.
     `meshes[i]` belongs to its mesh i.

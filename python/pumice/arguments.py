@@ -110,6 +110,22 @@ class AnnotateAs(NamedTuple):
     legend: int | None
 
 
+def denoiser(denoise: Any) -> str | None:
+    """The denoiser of a picture by name, and None for none: True stands for the statistical one; InputError for all else."""
+    if isinstance(denoise, (bool, np.bool_)):
+        return "statistical" if denoise else None
+    if isinstance(denoise, str):
+        return denoise
+    raise InputError(f"denoise: expected True, False, 'statistical', 'oidn' or 'oidn:LIBRARY', got {denoise!r}")
+
+
+def live_denoiser(denoise: Any) -> bool:
+    """Whether a live picture is denoised, which only the statistical denoiser does; InputError for others."""
+    if denoiser(denoise) not in (None, "statistical"):
+        raise InputError(f"denoise: expected True, False or 'statistical', since other denoisers take too long for a live picture, got {denoise!r}")
+    return denoiser(denoise) is not None
+
+
 def whole(name: str, value: Any, least: int, most: int) -> int:
     """`value` as an int, from any integer type; InputError if it is not from `least` to `most`."""
     try:

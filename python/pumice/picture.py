@@ -229,7 +229,7 @@ def render(
     scale_bar: str | None = None,
     scale_bar_corner: str = "lower_right",
     legend: int | None = None,
-    denoise: bool = False,
+    denoise: bool | str = False,
     memory_limit: int | None = None,
     job: Job | None = None,
     on_progress: Callable[[CurvePoint], None] | None = None,
@@ -245,8 +245,9 @@ def render(
     `dpi`: pixels per inch that files of the picture state. `scale_bar`: a bar, such as `10um` or `auto`, in a perspective view with its plane:
     `10um@center`, `auto@focus`, `10um@12.5`. `scale_bar_corner`: `lower_right`, `lower_left`, `upper_right` or `upper_left`. `legend`: names and colours of at most so many shown labels, most
     voxels first, in the upper left corner, beside which `figure(…, legend=…)` frames what it shows. Both are in `save` and `srgb` and not in
-    `color` and the passes. `denoise`: averages pixels of one label that a statistical test cannot tell apart. The picture is then smoother, and biased;
-    `noisy` is the mean of its samples. `memory_limit`: bytes that the volumes may hold while they are drawn, from temporary files then, without `volumes`
+    `color` and the passes. `denoise`: True or `statistical` averages pixels of one label that a statistical test cannot tell apart; `oidn` is Intel's
+    Open Image Denoise, from the library that the environment variable `PUMICE_OIDN` names or the system finds, `oidn:LIBRARY` from that path. The picture
+    is then smoother, and biased; `noisy` is the mean of its samples. `memory_limit`: bytes that the volumes may hold while they are drawn, from temporary files then, without `volumes`
     and on the processor alone; the picture is the same. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
     """
     require_end(scene, spp, seconds, error)
@@ -259,7 +260,7 @@ def render(
         mesh.natives(meshes),
         how,
         annotate,
-        denoise=bool(denoise),
+        denoise=arguments.denoiser(denoise),
         memory_limit=memory_limit,
         job=job,
         on_progress=told_points(on_progress),

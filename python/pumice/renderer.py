@@ -37,7 +37,7 @@ class Renderer:
         growing: bool = False,
         growing_passes: bool = False,
         unfinished: bool = False,
-        denoise: bool = False,
+        denoise: bool | str = False,
         job: Job | None = None,
         on_progress: Callable[[CurvePoint], None] | None = None,
     ) -> Picture:
@@ -58,7 +58,7 @@ class Renderer:
             mesh.natives(meshes),
             limits,
             (bool(growing), bool(growing_passes), bool(unfinished)),
-            denoise=bool(denoise),
+            denoise=arguments.denoiser(denoise),
             job=job,
             on_progress=told_points(on_progress),
         )

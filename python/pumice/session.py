@@ -65,7 +65,7 @@ Frame = _native.Frame
 class Session:
     """A live picture of `scene`; arguments as for `render`. Without `spp`, `seconds` or `error` it is refined for ever.
 
-    `denoise`: frames before the last are denoised (`Frame.filtered`); the last is the mean of its samples.
+    `denoise`: with True or "statistical", frames before the last are denoised (`Frame.filtered`); the last is the mean of its samples.
     `volumes`: as for `render`. Without them the scene's sources are opened first, which `job` may cancel; with `memory_limit` they are drawn from
     disk, and hold at most so many bytes. Volumes that several sessions share are opened with a `PageMemory` instead.
     """
@@ -81,7 +81,7 @@ class Session:
         spp: int | None = None,
         seconds: float | None = None,
         error: float | None = None,
-        denoise: bool = False,
+        denoise: bool | str = False,
         memory_limit: int | None = None,
         job: Job | None = None,
     ) -> None:
@@ -91,7 +91,7 @@ class Session:
             None if volumes is None else in_order(scene, volumes),
             mesh.natives(meshes),
             how,
-            denoise=bool(denoise),
+            denoise=arguments.live_denoiser(denoise),
             memory_limit=limit_without(volumes, memory_limit),
             job=job,
         )

@@ -10,14 +10,14 @@ use pumice_session::annotations::lay_out;
 use pumice_session::pick_pixels::{find_voxel, pick};
 use pumice_session::render_file::{PictureFormat, PicturePaths, Rendered, render_and_denoise, set_width};
 use pumice_session::{
-    Annotations, CurvePoint, DEFAULT_DPI, OpenOptions, Residence, ScaleBar, SessionError, Stop, pixels_of_mm,
-    with_built_in,
+    Annotations, CurvePoint, DEFAULT_DPI, DenoiserName, Filter, OpenOptions, Residence, ScaleBar,
+    SessionError, Stop, pixels_of_mm, with_built_in,
 };
 use pumice_transport::LoadedScene;
 use pyo3::prelude::*;
 
 use crate::array::{Array, Data};
-use crate::errors::input;
+use crate::errors::{IntoException, input};
 use crate::job::{Job, job_of};
 use crate::mesh::Mesh;
 use crate::scene::{Scene, paths_of};
@@ -241,7 +241,7 @@ pub(crate) fn render(
     meshes: Vec<Bound<'_, Mesh>>,
     how: RenderAs,
     annotate: AnnotateAs,
-    denoise: bool,
+    denoise: Option<&str>,
     memory_limit: Option<u64>,
     job: Option<&Bound<'_, Job>>,
     on_progress: Option<Py<PyAny>>,
@@ -257,6 +257,7 @@ pub(crate) fn render(
     let job = job_of(job);
     let (backend, spp, seconds, error) = how;
     let stop = Stop { spp, seconds, error };
+    let filter = filter_of(denoise)?;
     let told = Told::new(on_progress);
     let result = released(py, &job, || {
         let volumes = match volumes {
@@ -266,13 +267,20 @@ pub(crate) fn render(
         let meshes = with_built_in(&scene, meshes)?;
         let scene = LoadedScene::new(scene, volumes, meshes)?;
         let laid_out = lay_out(&scene, &annotations)?;
-        let mut rendered = render_and_denoise(&scene, &backend, &stop, denoise, &job, &mut |point| {
+        let mut rendered = render_and_denoise(&scene, &backend, &stop, filter, &job, &mut |point| {
             told.tell(&job, point);
         })?;
         laid_out.apply(&mut rendered);
         Ok::<_, SessionError>(rendered)
     });
     told.result(result)
+}
+
+/// The filter that a caller names, ready for use.
+pub(crate) fn filter_of(denoise: Option<&str>) -> PyResult<Option<Filter>> {
+    let Some(name) = denoise else { return Ok(None) };
+    let name: DenoiserName = name.parse().map_err(|e: String| input(&format_args!("denoise: {e}")))?;
+    name.filter().map(Some).map_err(IntoException::into_exception)
 }
 
 /// The volumes of a scene, in its order: copied, or from disk within a limit.

@@ -13,7 +13,7 @@ use crate::forked::OfProcess;
 use crate::frame::Frame;
 use crate::job::{Job, job_of};
 use crate::mesh::Mesh;
-use crate::picture::{Picture, Told};
+use crate::picture::{Picture, Told, filter_of};
 use crate::scene::Scene;
 use crate::volume::Volume;
 use crate::waiting::released;
@@ -68,7 +68,7 @@ impl Renderer {
         meshes: Vec<Bound<'_, Mesh>>,
         limits: Limits,
         watching: (bool, bool, bool),
-        denoise: bool,
+        denoise: Option<&str>,
         job: Option<&Bound<'_, Job>>,
         on_progress: Option<Py<PyAny>>,
     ) -> PyResult<Picture> {
@@ -80,6 +80,7 @@ impl Renderer {
         let (spp, seconds, error) = limits;
         let stop = Stop { spp, seconds, error };
         let (growing, passes, unfinished) = watching;
+        let denoise = filter_of(denoise)?;
         let told = Told::new(on_progress);
         let rendered = released(py, &job, || {
             let meshes = with_built_in(&scene, meshes)?;

@@ -1,5 +1,4 @@
 //! The work behind the command and the Python module: it opens volumes, chooses a backend, drives progressive rendering and reports.
-#![forbid(unsafe_code)]
 
 pub mod annotations;
 pub mod backend;
@@ -7,7 +6,7 @@ pub mod compare_files;
 pub mod compress_file;
 pub mod cycles;
 pub mod decompress_file;
-mod denoise;
+pub mod denoise;
 pub mod error;
 pub mod export_file;
 pub mod figure;
@@ -44,6 +43,7 @@ pub use compress_file::{
     CompressOutcome, CompressRequest, LabelsGiven, Verified, compress_file, read_types, verify_file,
 };
 pub use decompress_file::{StoreName, WriteAs, decompress_file, write_labels_of};
+pub use denoise::{DenoiserName, Filter, Oidn};
 pub use error::SessionError;
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info, shown_info};
@@ -71,6 +71,7 @@ pub use pumice_formats::{
     ArrayAxes, LabelTableFormat, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, TimeSteps,
     Warnings,
 };
+pub use pumice_picture::Denoiser;
 pub use pumice_picture::annotate::{Annotations, Corner, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;

@@ -18,6 +18,7 @@ use pumice_scene::{Film, World};
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 
 use crate::backend::{FallbackRenderer, make_renderer};
+use crate::denoise::Filter;
 use crate::error::{Result, SessionError};
 use crate::live::{Frame, coarse_divisors, rebuilt_by_name, rows_from_bottom};
 use crate::measure::Stopwatch;
@@ -46,8 +47,8 @@ pub struct Watching {
     pub passes: bool,
     /// Whether a cancelled render returns its picture so far, if it has any sample, and not [`RenderError::Cancelled`].
     pub unfinished: bool,
-    /// Whether the picture that it returns is denoised, on the device that drew it if that can; frames and pictures before it are not.
-    pub denoise: bool,
+    /// The filter that the picture that it returns goes through; frames and pictures before it go through none.
+    pub denoise: Option<Filter>,
 }
 
 /// The renderer; see the module.
@@ -209,8 +210,8 @@ impl PersistentRenderer {
         if let Some(fault) = pace.passes_fault {
             rendered.figures.notices.push(format!("passes were not shown while the picture grew: {fault}"));
         }
-        if watching.denoise {
-            rendered.denoise_with(renderer)?;
+        if let Some(filter) = watching.denoise {
+            rendered.denoise_with(renderer, filter)?;
         }
         Ok(rendered)
     }
@@ -315,7 +316,7 @@ mod tests {
     fn drawn(fails: &[(&'static str, At)]) -> Result<Rendered> {
         let renderer = PersistentRenderer::of(ways(fails, full).0);
         let stop = Stop { spp: Some(4), ..Stop::default() };
-        let watching = Watching { growing: true, passes: true, unfinished: true, denoise: false };
+        let watching = Watching { growing: true, passes: true, unfinished: true, denoise: None };
         renderer.render(&scene([4, 2]), &stop, &Job::new(), watching, &mut |_| ())
     }
 

@@ -34,6 +34,7 @@ use refusals::check_options;
 
 use crate::annotations::lay_out;
 use crate::backend::{backend_for, make_renderer};
+use crate::denoise::{DenoiserName, Filter};
 use crate::error::{Result, SessionError};
 use crate::measure::Stopwatch;
 use crate::progressive::{CurvePoint, Stop};
@@ -58,14 +59,15 @@ struct Ready {
     stop: Stop,
     backend: String,
     annotations: Annotations,
-    denoise: bool,
+    denoise: Option<Filter>,
+    notices: Vec<String>,
     opening_seconds: [f64; 2],
 }
 
 impl Ready {
     /// Checks a request, opens what it needs, and writes the scene where that is wanted. `pictures` are the files that it makes.
     fn new(request: &RenderRequest, pictures: &[PathBuf], job: &Job) -> Result<Self> {
-        // A wrong file extension, pass or backend is reported before the work, not after it.
+        // A wrong file extension, pass, backend or denoiser is reported before the work, not after it.
         let format = PictureFormat::of(&request.out)?;
         let passes = Passes::parse(&request.passes).map_err(|e| SessionError::Caller(format!("--{e}")))?;
         check_options(request, format)?;
@@ -75,6 +77,7 @@ impl Ready {
             .chain(&request.save_scene)
             .try_for_each(|out| request.reading.outputs.declare(out))?;
         make_renderer(&request.backend)?;
+        let denoise = request.denoise.as_ref().map(DenoiserName::filter).transpose()?;
 
         let clock = Stopwatch::start();
         let Prepared {
@@ -83,7 +86,8 @@ impl Ready {
             backend,
             annotations,
             denoise,
-        } = prepare(request, job)?;
+            notices,
+        } = prepare(request, denoise, job)?;
         let opening_seconds = [clock.seconds(), clock.cpu_seconds()];
         // Named passes are added to the scene; `all` means those that the scene asks for and those that every picture has.
         if request.passes != ["all"] {
@@ -94,7 +98,7 @@ impl Ready {
         }
         let scene = LoadedScene::new(scene, volumes, meshes)?;
         let backend = backend_for(&scene, &backend)?.to_owned();
-        Ok(Self { format, passes, scene, stop, backend, annotations, denoise, opening_seconds })
+        Ok(Self { format, passes, scene, stop, backend, annotations, denoise, notices, opening_seconds })
     }
 }
 
@@ -107,7 +111,7 @@ pub fn render_file(
     job: &Job,
     watch: &mut (dyn FnMut(&Stop, &CurvePoint) + Send),
 ) -> Result<Rendered> {
-    let Ready { format, passes, scene, stop, backend, annotations, denoise, opening_seconds } =
+    let Ready { format, passes, scene, stop, backend, annotations, denoise, notices, opening_seconds } =
         Ready::new(request, std::slice::from_ref(&request.out), job)?;
     let laid_out = lay_out(&scene, &annotations)?;
     let mut rendered = in_pool(request.threads, || -> Result<Rendered> {
@@ -115,6 +119,7 @@ pub fn render_file(
             render_and_denoise(&scene, &backend, &stop, denoise, job, &mut |point| watch(&stop, point))?;
         laid_out.apply(&mut rendered);
         rendered.figures.opening_seconds = Some(opening_seconds);
+        rendered.figures.notices.extend(notices);
         if request.explain {
             // Measure on the backend that drew the picture: `auto` may have fallen back to another.
             let drew = if backend == "auto" { rendered.figures.backend.clone() } else { backend.clone() };

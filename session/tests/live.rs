@@ -10,7 +10,7 @@ use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, com
 use pumice_scene::{Environment, Material, Scene, SceneEdit, Show, World};
 use pumice_session::figure::{FigureOptions, compose};
 use pumice_session::live::{Frame, LabelFilm, Live, LiveOptions, LiveState, Status};
-use pumice_session::{Stop, render_file::render_scene};
+use pumice_session::{Filter, Stop, render_file::render_scene};
 use pumice_transport::{LoadedEdit, LoadedScene};
 
 /// Two touching blocks of labels 5 and 9 in a 24 × 16 × 8 volume.
@@ -120,7 +120,7 @@ fn frames_are_filtered_on_a_vulkan_device() {
     let stop = Stop { spp: Some(frame.spp), ..Stop::default() };
     let mut made = render_scene(&loaded(scene.clone()), "cpu", &stop, &Job::new(), &mut |_| ()).unwrap();
     let unfiltered = rel_mse(&frame.rgba, &plain(&scene, frame.spp));
-    made.denoise().unwrap();
+    made.denoise(Filter::Statistical).unwrap();
     let color = made.picture.color;
     let rows: Vec<&[[f32; 3]]> = color.pixels.chunks(color.width).collect();
     let expected: Vec<f32> =

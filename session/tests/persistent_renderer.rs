@@ -14,7 +14,7 @@ use pumice_session::render_file::render_scene;
 use pumice_session::{CurvePoint, Frame, PersistentRenderer, SessionError, Stop, Watching};
 use pumice_transport::{LoadedScene, RenderError};
 
-const GROWING: Watching = Watching { growing: true, passes: false, unfinished: false, denoise: false };
+const GROWING: Watching = Watching { growing: true, passes: false, unfinished: false, denoise: None };
 const KEPT: Watching = Watching { unfinished: true, ..GROWING };
 
 /// Two touching blocks of labels 5 and 9 in a 24 × 16 × 8 volume.

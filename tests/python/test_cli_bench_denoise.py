@@ -62,10 +62,8 @@ def test_a_live_picture_comes_close_to_the_converged_one_with_and_without_the_de
 
 def test_what_cannot_denoise_is_refused_before_anything_is_rendered(pumice, data, tmp_path):
     volume = data / "slicer_Segmentation.seg.nrrd"
-    line = run(pumice, "bench", "denoise", volume, "--oidn", tmp_path / "python", "--out", tmp_path / "out").refused()
-    assert "--oidn" in line and "No such file" in line
-    line = run(pumice, "bench", "denoise", volume, "--oidn", "false", "--out", tmp_path / "out").refused()
-    assert "expected a Python with the module pyoidn" in line
+    line = run(pumice, "bench", "denoise", volume, "--oidn", tmp_path / "none.so", "--out", tmp_path / "out").refused()
+    assert "Open Image Denoise: tried" in line and "No such file" in line
     line = run(pumice, "bench", "denoise", volume, "--backend", "vulkan-none", "--out", tmp_path / "out").refused()
     assert "backend vulkan-none: no such backend" in line
     assert "increasing" in run(pumice, "bench", "denoise", volume, "--spp", "4,1", "--out", tmp_path / "out").refused()

@@ -13,7 +13,7 @@ use crate::table::Table;
 const ALL: [Through; 3] = [Through::Nothing, Through::Pumice, Through::Oidn];
 
 /// Writes `denoise.csv`, `denoise.md` and `denoise_SCENE.svg` into `folder`, which is created if missing. `machine` is a line that describes the
-/// machine, `oidn` the version of Open Image Denoise, if it was measured.
+/// machine, `oidn` is Open Image Denoise with its version, if it was measured.
 ///
 /// # Errors
 /// When the folder cannot be written or there is nothing to plot.
@@ -90,7 +90,8 @@ fn csv([width, height]: [u32; 2], results: &[Denoised]) -> String {
 }
 
 fn markdown(machine: &str, oidn: Option<&str>, [width, height]: [u32; 2], results: &[Denoised]) -> String {
-    let with = oidn.map_or(String::new(), |version| format!(" Open Image Denoise is pyoidn {version}."));
+    let with =
+        oidn.map_or(String::new(), |version| format!(" {version}, with the device that each picture makes."));
     let mut text = format!(
         "# denoise\n\n{machine}\n\nPictures of {width} × {height} pixels. relMSE is less the part of the reference's own noise.{with}\n"
     );

@@ -3,8 +3,8 @@
 use std::path::PathBuf;
 
 use clap::{Args, ValueEnum};
-use pumice_session::TimeSteps;
 use pumice_session::values::{bytes, size};
+use pumice_session::{DenoiserName, TimeSteps};
 
 use super::Reading;
 use super::annotations::AnnotationArgs;
@@ -96,9 +96,12 @@ pub(crate) struct Render {
     ///
     /// Averages pixels of one label that a statistical test cannot tell apart. An EXR keeps the picture before as the pass Noisy Image,
     /// unless --passes none; a PNG has the denoised picture alone. Pictures and report say that they are denoised. It runs on the
-    /// device of the backend that renders
-    #[arg(long)]
-    pub(crate) denoise: bool,
+    /// device of the backend that renders.
+    ///
+    /// oidn: Intel's Open Image Denoise instead, a neural network, on the processor. Pumice does not bring it along: its library is at
+    /// the path of oidn:LIBRARY, or of the environment variable PUMICE_OIDN, or where the system looks
+    #[arg(long, value_name = "statistical|oidn[:LIBRARY]", num_args = 0..=1, require_equals = true, default_missing_value = "statistical")]
+    pub(crate) denoise: Option<DenoiserName>,
     /// Write colours in an EXR as half floats (16 bits): half the size, 3 significant digits, values up to 65504
     ///
     /// Depth, position, label, Cryptomatte, variance and samples keep 32 bits

@@ -4,7 +4,7 @@ use std::collections::BTreeMap;
 use std::sync::Arc;
 
 use pumice_session::{
-    CurvePoint, Job, NumberedPicture, PageFigures, PicturePaths, RenderFigures, RenderOverrides,
+    CurvePoint, Denoiser, Job, NumberedPicture, PageFigures, PicturePaths, RenderFigures, RenderOverrides,
     RenderRequest, Savings, Stop, Subject, render_file, render_time_steps, render_turntable,
 };
 
@@ -36,7 +36,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         out: args.out.clone(),
         backend: args.backend.clone(),
         stop,
-        denoise: args.denoise,
+        denoise: args.denoise.clone(),
         passes: args.passes.clone(),
         overrides: RenderOverrides {
             size: args.size,
@@ -181,7 +181,11 @@ pub(crate) fn summary(figures: &RenderFigures) -> String {
         true => format!(" ({:.1} on average)", figures.mean_spp),
         false => String::new(),
     };
-    let denoised = if figures.denoised.is_some() { ", denoised (biased)" } else { "" };
+    let denoised = match figures.denoised {
+        None => String::new(),
+        Some(Denoiser::Statistical) => ", denoised (biased)".into(),
+        Some(other) => format!(", denoised by {} (biased)", other.name()),
+    };
     let samples = if figures.spp == 1 { "sample" } else { "samples" };
     format!(
         "{} {samples} a pixel{resting}, {error}{denoised}, {:.1} s ({:.1} CPU s)",

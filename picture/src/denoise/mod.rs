@@ -29,6 +29,7 @@
 //! The filter asks of the film a mean and its variance for each pixel, with the variance's degrees of freedom, and nothing else: see
 //! [`Variance`].
 
+mod denoiser;
 mod guides;
 mod light;
 mod planes;
@@ -37,10 +38,10 @@ mod windows;
 
 use pumice_core::NoMemory;
 use pumice_core::reserve::reserved;
-use serde::{Deserialize, Serialize};
 
 use crate::image::Image;
 use crate::metrics::Variance;
+pub use denoiser::Denoiser;
 pub use guides::Guides;
 use light::Light;
 pub use welch::WelchTest;
@@ -55,14 +56,6 @@ const WIDE_STEP: usize = 3;
 
 /// Added to a base colour before light is divided by it, so that light on black surfaces is divided by something.
 const ALBEDO_FLOOR: f32 = 0.01;
-
-/// A filter that a picture went through.
-#[derive(Clone, Copy, Debug, PartialEq, Eq, Serialize, Deserialize)]
-pub enum Denoiser {
-    /// The filter of this module. Its name in files says that the picture is no longer the mean of its samples.
-    #[serde(rename = "statistical, biased")]
-    Statistical,
-}
 
 /// The denoised picture. `variance` is that of its pixels, if it is known. A picture whose size is not that of the guides or the variance comes
 /// back unchanged.

@@ -8,7 +8,7 @@ use std::path::{Path, PathBuf};
 use pumice_core::Job;
 use pumice_core::memory::available_bytes;
 use pumice_core::reserve::size_text;
-use pumice_picture::{Provenance, film_memory, read_provenance};
+use pumice_picture::{Denoiser, Provenance, film_memory, read_provenance};
 use pumice_scene::{Scene, Show};
 use pumice_transport::scene_plan::sums_of;
 
@@ -18,6 +18,7 @@ use super::prepare::Prepared;
 use super::provenance::{check_hashes, check_sky};
 use super::request::RenderRequest;
 use crate::backend::make_renderer;
+use crate::denoise::{Filter, Oidn};
 use crate::error::{Result, SessionError};
 use crate::open::{Residence, open_meshes, open_shown};
 use crate::progressive::Stop;
@@ -36,6 +37,8 @@ pub(super) fn prepare_again(request: &RenderRequest, picture: &Path, job: &Job) 
     place_sources(picture, &mut made.scene, &request.sources)?;
     check_files(&made.scene, &request.reading)?;
     check_made(picture, &made, available_bytes())?;
+
+    let (denoise, notices) = same_filter(made.denoised)?;
 
     // Open what it was made from, and nothing else.
     check_sky(picture, &made)?;
@@ -56,13 +59,32 @@ pub(super) fn prepare_again(request: &RenderRequest, picture: &Path, job: &Job) 
         }
         named => named.to_owned(),
     };
-    let (annotations, denoise) = (made.annotations, made.denoised.is_some());
+    let annotations = made.annotations;
     let mut scene = made.scene;
     record(&mut scene, &request.reading);
     apply(&request.overrides, &mut scene, &volumes)?;
     scene.validate().map_err(|source| SessionError::Scene { path: picture.to_owned(), source })?;
     let stop = Stop { spp: Some(made.spp), seconds: request.stop.seconds, ..Stop::default() };
-    Ok(Prepared { opened: OpenedScene { scene, volumes, meshes }, stop, backend, annotations, denoise })
+    let opened = OpenedScene { scene, volumes, meshes };
+    Ok(Prepared { opened, stop, backend, annotations, denoise, notices })
+}
+
+/// The filter that a picture went through, from this machine and never from a path in the picture, and a line if it has another version.
+fn same_filter(denoised: Option<Denoiser>) -> Result<(Option<Filter>, Vec<String>)> {
+    let Some(denoiser) = denoised else { return Ok((None, Vec::new())) };
+    let Denoiser::OpenImageDenoise(_) = denoiser else {
+        return Ok((Some(Filter::Statistical), Vec::new()));
+    };
+    let oidn = Oidn::find(None)?;
+    let here = oidn.denoiser();
+    let notices = (here != denoiser).then(|| {
+        format!(
+            "denoised by {}, and the earlier picture by {}: it is not the same picture",
+            here.name(),
+            denoiser.name()
+        )
+    });
+    Ok((Some(Filter::Oidn(oidn)), notices.into_iter().collect()))
 }
 
 /// Gives the scene the caller's `sources` in place of the paths that the picture holds, if there are any.

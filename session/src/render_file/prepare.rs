@@ -6,6 +6,7 @@ use pumice_picture::Annotations;
 use super::again::prepare_again;
 use super::open_scene::{OpenedScene, open_scene};
 use super::request::{RenderOverrides, RenderRequest, Subject};
+use crate::denoise::Filter;
 use crate::error::Result;
 use crate::figure::FigureFlags;
 use crate::open::Residence;
@@ -17,11 +18,13 @@ pub(super) struct Prepared {
     pub(super) stop: Stop,
     pub(super) backend: String,
     pub(super) annotations: Annotations,
-    pub(super) denoise: bool,
+    pub(super) denoise: Option<Filter>,
+    /// What keeps the picture from being the same as an earlier one, one line each.
+    pub(super) notices: Vec<String>,
 }
 
-/// Opens the subject of a request as a scene with its volumes and meshes.
-pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
+/// Opens the subject of a request as a scene with its volumes and meshes. The filter of an earlier picture takes the place of `denoise`.
+pub(super) fn prepare(request: &RenderRequest, denoise: Option<Filter>, job: &Job) -> Result<Prepared> {
     match &request.subject {
         Subject::Again(picture) => prepare_again(request, picture, job),
         Subject::File(path) => Ok(Prepared {
@@ -32,7 +35,8 @@ pub(super) fn prepare(request: &RenderRequest, job: &Job) -> Result<Prepared> {
             stop: request.stop,
             backend: request.backend.clone(),
             annotations: request.annotations.clone(),
-            denoise: request.denoise,
+            denoise,
+            notices: Vec::new(),
         }),
     }
 }

@@ -11,6 +11,7 @@ use serde::Serialize;
 
 use super::provenance::{hash_text, mesh_hash_text, sky_hash_text};
 use crate::backend::{FallbackRenderer, backend_for, make_renderer};
+use crate::denoise::Filter;
 use crate::error::Result;
 use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::progressive::{CurvePoint, Stop, Watch, render_watched};
@@ -188,10 +189,10 @@ pub fn render_scene(
     job: &Job,
     watch: &mut dyn FnMut(&CurvePoint),
 ) -> Result<Rendered> {
-    render_and_denoise(loaded, backend, stop, false, job, watch)
+    render_and_denoise(loaded, backend, stop, None, job, watch)
 }
 
-/// As [`render_scene`]; then denoises the picture where `denoise` says so, on the device that drew it if that can.
+/// As [`render_scene`]; then the picture goes through the filter `denoise`, if any: through Pumice's own on the device that drew it if that can.
 ///
 /// # Errors
 /// Any error of the renderer, and those of [`Rendered::denoise`].
@@ -199,7 +200,7 @@ pub fn render_and_denoise(
     loaded: &LoadedScene,
     backend: &str,
     stop: &Stop,
-    denoise: bool,
+    denoise: Option<Filter>,
     job: &Job,
     watch: &mut dyn FnMut(&CurvePoint),
 ) -> Result<Rendered> {
@@ -214,8 +215,8 @@ pub fn render_and_denoise(
         Ok(())
     })?;
     let mut rendered = report(&mut renderer, loaded, pages_before, prepare_seconds, curve, picture, sky_hash);
-    if denoise {
-        rendered.denoise_with(&mut renderer)?;
+    if let Some(filter) = denoise {
+        rendered.denoise_with(&mut renderer, filter)?;
     }
     Ok(rendered)
 }

@@ -6,6 +6,7 @@ use pumice_formats::{OpenOptions, TimeSteps};
 use pumice_picture::{Annotations, PicturePaths};
 use pumice_scene::{Lod, Mode, ViewTransform};
 
+use crate::denoise::DenoiserName;
 use crate::figure::FigureFlags;
 use crate::progressive::Stop;
 
@@ -66,8 +67,8 @@ pub struct RenderRequest {
     pub backend: String,
     /// Limits at which rendering stops.
     pub stop: Stop,
-    /// Whether the picture is [denoised](pumice_picture::denoise); an earlier picture is if it was.
-    pub denoise: bool,
+    /// The denoiser that the picture goes through; an earlier picture goes through its own.
+    pub denoise: Option<DenoiserName>,
     /// Names of passes, or `all` or `none`.
     pub passes: Vec<String>,
     /// Values that override the scene's.

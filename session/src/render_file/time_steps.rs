@@ -37,7 +37,7 @@ pub fn render_time_steps(
     let files: Vec<PathBuf> = (0..steps.len() as u32).map(|number| numbered(&request.out, number)).collect();
     let mut first = request.clone();
     first.overrides.time_step = Some(steps.start);
-    let Ready { format, passes, scene: first, stop, backend, annotations, denoise, opening_seconds } =
+    let Ready { format, passes, scene: first, stop, backend, annotations, denoise, opening_seconds, .. } =
         Ready::new(&first, &files, job)?;
     in_pool(request.threads, || {
         let renderer = PersistentRenderer::new(&backend)?;

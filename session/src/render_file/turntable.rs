@@ -42,7 +42,7 @@ pub fn render_turntable(
             SessionError::Caller("--turntable: expected a number of pictures, got none".into())
         })?;
     let files: Vec<PathBuf> = (0..count).map(|number| numbered(&request.out, number)).collect();
-    let Ready { format, passes, scene: first, stop, backend, annotations, denoise, opening_seconds } =
+    let Ready { format, passes, scene: first, stop, backend, annotations, denoise, opening_seconds, .. } =
         Ready::new(request, &files, job)?;
     in_pool(request.threads, || {
         let renderer = PersistentRenderer::new(&backend)?;

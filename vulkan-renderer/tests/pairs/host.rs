@@ -110,6 +110,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("transport/src/loaded_scene.rs", "a scene with its data, before a renderer has it"),
     ("transport/src/scene_plan.rs", "which parts an edit rebuilds, decided before anything is built"),
     ("picture/src/view_transform.rs", "display colours of a finished picture"),
+    ("picture/src/denoise/denoiser.rs", "the filter's name in files"),
     ("picture/src/denoise/planes.rs", "several pixels side by side for SIMD; a shader has one"),
     ("picture/src/denoise/tests.rs", "tests of the filter"),
 ];

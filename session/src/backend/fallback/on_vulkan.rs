@@ -7,6 +7,7 @@ use pumice_vulkan::device::{Backend, InjectedFault, Instance, InstanceOptions, s
 use super::tests::scene;
 use super::*;
 use crate::backend::read_environment;
+use crate::denoise::Filter;
 use crate::progressive::Stop;
 use crate::render_file::{render_and_denoise, render_scene};
 
@@ -70,8 +71,10 @@ fn a_full_device_leaves_the_picture_to_the_cpu() {
 fn a_picture_denoised_on_the_device_is_the_processors() {
     let (loaded, stop, job) = (scene([64, 48]), Stop { spp: Some(5), ..Stop::default() }, Job::new());
     let mut expected = render_scene(&loaded, "vulkan-compute", &stop, &job, &mut |_| ()).unwrap();
-    expected.denoise().unwrap();
-    let made = render_and_denoise(&loaded, "vulkan-compute", &stop, true, &job, &mut |_| ()).unwrap();
+    expected.denoise(Filter::Statistical).unwrap();
+    let made =
+        render_and_denoise(&loaded, "vulkan-compute", &stop, Some(Filter::Statistical), &job, &mut |_| ())
+            .unwrap();
     let far = |(a, b): (&[f32; 3], &[f32; 3])| (0..3).any(|c| (a[c] - b[c]).abs() > 1e-5 * a[c].abs());
     let (a, b) = (&expected.picture.color, &made.picture.color);
     assert!(a.pixels.iter().zip(&b.pixels).filter(|&p| far(p)).count() <= a.pixels.len() / 500);
