@@ -69,22 +69,9 @@ impl Contacts {
     /// # Errors
     /// [`NoMemory`].
     pub(crate) fn pack(pairs: &[u64], labels: u32) -> Result<Self, NoMemory> {
-        let mut bytes = Vec::new();
-        let mut rest = pairs;
-        for a in 0..labels {
-            let of_a = rest.partition_point(|p| (p >> 32) as u32 <= a);
-            let (mine, others) = rest.split_at(of_a);
-            rest = others;
-            make_room(&mut bytes, MOST_VARINT * (1 + mine.len()), PAIRS)?;
-            put_varint(&mut bytes, mine.len() as u32);
-            let mut before = a;
-            for &pair in mine {
-                put_varint(&mut bytes, pair as u32 - before - 1);
-                before = pair as u32;
-            }
-        }
-        bytes.shrink_to_fit();
-        Ok(Self { bytes, pairs: pairs.len() as u64 })
+        let mut packer = ContactsPacker::new(labels);
+        pairs.iter().try_for_each(|&pair| packer.push(pair))?;
+        packer.finish()
     }
 
     /// Validates packed pairs read from a file with `labels` labels. An error gives the byte offset and what is wrong there.
@@ -132,6 +119,60 @@ impl Contacts {
             b += take_varint(&self.bytes, &mut at)? + 1;
             Some((a, b))
         })
+    }
+}
+
+/// Packs pairs one by one.
+pub(crate) struct ContactsPacker {
+    bytes: Vec<u8>,
+    pairs: u64,
+    labels: u32,
+    /// The label whose partners come now, and those that came.
+    label: u32,
+    partners: Vec<u32>,
+}
+
+impl ContactsPacker {
+    /// No pairs yet, of a volume with `labels` labels.
+    pub(crate) fn new(labels: u32) -> Self {
+        Self { bytes: Vec::new(), pairs: 0, labels, label: 0, partners: Vec::new() }
+    }
+
+    /// Adds the next pair `a << 32 | b` with a < b, in rising order.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(crate) fn push(&mut self, pair: u64) -> Result<(), NoMemory> {
+        self.go_to((pair >> 32) as u32)?;
+        make_room(&mut self.partners, 1, PAIRS)?;
+        self.partners.push(pair as u32);
+        self.pairs += 1;
+        Ok(())
+    }
+
+    /// Writes the labels before `label`.
+    fn go_to(&mut self, label: u32) -> Result<(), NoMemory> {
+        while self.label < label {
+            make_room(&mut self.bytes, MOST_VARINT * (1 + self.partners.len()), PAIRS)?;
+            put_varint(&mut self.bytes, self.partners.len() as u32);
+            let mut before = self.label;
+            for partner in self.partners.drain(..) {
+                put_varint(&mut self.bytes, partner - before - 1);
+                before = partner;
+            }
+            self.label += 1;
+        }
+        Ok(())
+    }
+
+    /// The packed pairs.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub(crate) fn finish(mut self) -> Result<Contacts, NoMemory> {
+        self.go_to(self.labels)?;
+        self.bytes.shrink_to_fit();
+        Ok(Contacts { bytes: self.bytes, pairs: self.pairs })
     }
 }
 

@@ -20,7 +20,7 @@ use std::path::{Path, PathBuf};
 use crate::chunk_boxes::{ChunkBoxes, boxes_of_chunk};
 use crate::content_hash;
 use crate::layers::Layers;
-use crate::memory::available_bytes;
+use crate::memory::{available_bytes, give_back};
 use crate::reserve::{collected, reserved, zeroed};
 use crate::spool::Scratch;
 use crate::store::StoredParts;
@@ -114,7 +114,7 @@ pub(crate) fn finish(
     let faces = Scratch::new(&budget.folder);
     let within = known.touching.is_none();
     let known_pairs = known.touching.as_deref().unwrap_or_default();
-    let mut touching = Touching::new(dims, &faces, budget.share(4096), known_pairs)?;
+    let mut touching = Touching::new(dims, &faces, budget, known_pairs)?;
     job.begin(parts.records());
     while let Some((_, frames)) = parts.next_chunk() {
         let scratch = Scratch::new(&budget.folder);
@@ -132,6 +132,11 @@ pub(crate) fn finish(
             of_chunk.push(boxes);
         }
         sink.chunk(&of_chunk, budget, job)?;
+        if budget.limit_bytes.is_some() {
+            // What a chunk took may lie in pieces between what stays, where the next one finds no room.
+            drop(of_chunk);
+            give_back();
+        }
     }
     // If blocks overlap in one label, the OR has fewer voxels than they delivered. (Overlap of two labels shows where cells are compared.)
     let kept: u64 = voxels.iter().sum();

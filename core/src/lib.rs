@@ -46,6 +46,7 @@ pub mod octahedral;
 mod one_line;
 pub mod outputs;
 pub mod pages;
+mod pair_set;
 pub mod reserve;
 pub mod residency;
 mod scan;

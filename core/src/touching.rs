@@ -5,15 +5,17 @@
 //!                └► cells at the chunk's faces ─► lower faces: compared with the upper ones of the chunks before
 //!                                              └► upper faces: kept for the chunks after it (Morton order: a neighbour along an axis is later)
 //! ```
-//! What is kept of faces goes to a scratch file; only the pairs are in memory.
+//! What is kept of faces goes to a scratch file, and so do pairs beyond a limit.
 
 use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 
 use crate::contacts::{PAIRS, Pairs};
 use crate::find_contacts::{LOW_FACE, STEP, pairs_across, pairs_within};
+use crate::finish::Budget;
 use crate::layers::{Layer, Layers, SIDE};
-use crate::reserve::{make_room, make_room_in_map};
+use crate::pair_set::PairSet;
+use crate::reserve::make_room;
 use crate::spool::{Scratch, Spool};
 use crate::{CHUNK_VOXELS, Contacts, Error, Job, Result};
 
@@ -35,7 +37,7 @@ type Faces = [[Vec<FaceCell>; 3]; 2];
 
 /// The pairs found so far, and the upper faces of chunks whose upper neighbours are still to come.
 pub(crate) struct Touching<'a> {
-    pairs: FxHashMap<u64, ()>,
+    pairs: PairSet<'a>,
     /// By frame, axis and lowest voxel of the chunk that lies behind the face.
     faces: FxHashMap<(u32, usize, [u32; 3]), Spool<'a>>,
     scratch: &'a Scratch,
@@ -46,20 +48,17 @@ pub(crate) struct Touching<'a> {
 
 impl<'a> Touching<'a> {
     /// None yet, in a volume of `dims` voxels; `known` are pairs within chunks that were found already.
-    pub(crate) fn new(dims: [u32; 3], scratch: &'a Scratch, face_bytes: u64, known: &[u64]) -> Result<Self> {
+    pub(crate) fn new(dims: [u32; 3], scratch: &'a Scratch, budget: &Budget, known: &[u64]) -> Result<Self> {
+        let pairs = PairSet::new(scratch, budget.share(8));
         let mut all =
-            Self { pairs: FxHashMap::default(), faces: FxHashMap::default(), scratch, face_bytes, dims };
+            Self { pairs, faces: FxHashMap::default(), scratch, face_bytes: budget.share(4096), dims };
         all.add(known)?;
         Ok(all)
     }
 
     /// Adds pairs that were found already.
     pub(crate) fn add(&mut self, pairs: &[u64]) -> Result<()> {
-        for &pair in pairs {
-            make_room_in_map(&mut self.pairs, PAIRS)?;
-            self.pairs.insert(pair, ());
-        }
-        Ok(())
+        self.pairs.add(pairs)
     }
 
     /// Takes up the chunk at `origin` at a frame. Where `within` is false, the pairs within the chunk are known. Labels touch where they do
@@ -115,9 +114,7 @@ impl<'a> Touching<'a> {
 
     /// All pairs, packed, of a volume with so many labels.
     pub(crate) fn into_contacts(self, labels: u32) -> Result<Contacts> {
-        let mut pairs = crate::reserve::collected(self.pairs.len(), self.pairs.into_keys(), PAIRS)?;
-        pairs.par_sort_unstable();
-        Ok(Contacts::pack(&pairs, labels)?)
+        self.pairs.into_contacts(labels)
     }
 }
 

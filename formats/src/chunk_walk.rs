@@ -6,8 +6,7 @@
 //! blocks                       one chunk, or several thin ones together, until a block has 16 steps along each axis; shard by shard
 //! ```
 
-use pumice_core::ChunkGrid;
-
+use crate::chunk_order::{InChunkOrder, Region};
 use crate::layout::Role;
 
 /// Thin chunks are put together until a block has so many voxels along an axis: the side of the boxes of the compressed form.
@@ -15,9 +14,6 @@ const BLOCK_STEPS: u64 = 16;
 
 /// Largest number of bytes of a block that is put together from several chunks.
 const BLOCK_BYTES: u64 = 16 << 20;
-
-/// A box of voxels: the lowest voxel, and the one beyond the highest, along x, y, z.
-pub(crate) type Region = [[u64; 2]; 3];
 
 /// An axis of the file, as the loops over chunks need it.
 #[derive(Clone, Copy, Debug)]
@@ -40,50 +36,6 @@ pub(crate) struct Axis {
 impl Axis {
     pub(crate) fn new(role: Role, chunk: u64, shard_chunks: u64) -> Self {
         Self { role, chunk, group: 1, shard_chunks, shard: 1, blocks: [0; 2], range: [0; 2] }
-    }
-}
-
-/// Regions, each cut where chunks of the compressed form meet and in the order of these chunks, of which the first begins at the region's lowest
-/// voxel. Cuts are moved to the nearest multiple of `steps`, the ends of a store's own chunks or shards, so that none of these is read twice.
-#[derive(Clone, Debug)]
-struct InChunkOrder {
-    regions: std::vec::IntoIter<Region>,
-    steps: [u64; 3],
-    /// The region that is being cut, its chunks, and the number of the next one.
-    current: Option<(Region, ChunkGrid, u64)>,
-}
-
-impl Iterator for InChunkOrder {
-    type Item = Region;
-
-    fn next(&mut self) -> Option<Region> {
-        loop {
-            let Some((region, grid, number)) = &mut self.current else {
-                let region = self.regions.next()?;
-                // At most the volume's own size.
-                let grid = ChunkGrid::new(region.map(|[low, high]| (high - low) as u32));
-                self.current = Some((region, grid, 0));
-                continue;
-            };
-            let Some(chunk) = grid.region(*number) else {
-                self.current = None;
-                continue;
-            };
-            *number += 1;
-            let piece = [0, 1, 2].map(|a| {
-                let [low, high] = region[a];
-                chunk[a].map(|face| match low + u64::from(face) {
-                    at if at == low || at == high => at,
-                    at => ((at + self.steps[a] / 2) / self.steps[a])
-                        .saturating_mul(self.steps[a])
-                        .clamp(low, high),
-                })
-            });
-            // Of a chunk that is smaller than half a step, nothing may be left.
-            if piece.iter().all(|[low, high]| low < high) {
-                return Some(piece);
-            }
-        }
     }
 }
 
@@ -125,7 +77,7 @@ impl Walk {
                 steps[space] = axis.chunk.saturating_mul(axis.shard_chunks).max(1);
             }
         }
-        let later = InChunkOrder { regions: regions.into_iter(), steps, current: None };
+        let later = InChunkOrder::new(regions, steps);
         Self { axes, later, chunk_bytes, at: Vec::new() }
     }
 

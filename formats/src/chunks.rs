@@ -9,7 +9,8 @@ use std::path::PathBuf;
 use pumice_core::reserve;
 use pumice_core::{BlockSource, LabelBlock, LabelBuffer, VolumeInfo};
 
-use crate::chunk_walk::{Axis, BlockPlace, ChunkWalk, Region, Walk, step};
+use crate::chunk_order::Region;
+use crate::chunk_walk::{Axis, BlockPlace, ChunkWalk, Walk, step};
 use crate::chunks_ahead::ChunksAhead;
 use crate::element::Element;
 use crate::error::{FormatError, Result};

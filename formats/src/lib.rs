@@ -24,6 +24,7 @@ mod array_axes;
 mod array_place;
 mod bounded_decoder;
 mod choice;
+mod chunk_order;
 mod chunk_walk;
 mod chunks;
 mod chunks_ahead;
@@ -69,6 +70,7 @@ mod relabel;
 #[cfg_attr(not(feature = "http"), path = "no_server.rs")]
 mod server;
 mod slab;
+mod slabs_by_chunk;
 mod slice_numbers;
 mod store_files;
 mod store_options;

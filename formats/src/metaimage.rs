@@ -66,7 +66,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices,
-        voxels: Voxels::Stream(stream),
+        voxels: Voxels::of_stream(stream, header.encoding != Encoding::Raw),
     })
 }
 

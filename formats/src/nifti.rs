@@ -90,15 +90,18 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices,
-        voxels: Voxels::Stream(Box::new(move || {
-            if gzip {
-                let mut stream = InflateStream::open(&data_path, 0, Wrapping::Gzip, &warnings)?;
-                stream.skip(offset)?;
-                Ok(Box::new(stream))
-            } else {
-                Ok(Box::new(PlainStream::open(&data_path, offset)?))
-            }
-        })),
+        voxels: Voxels::of_stream(
+            Box::new(move || {
+                if gzip {
+                    let mut stream = InflateStream::open(&data_path, 0, Wrapping::Gzip, &warnings)?;
+                    stream.skip(offset)?;
+                    Ok(Box::new(stream))
+                } else {
+                    Ok(Box::new(PlainStream::open(&data_path, offset)?))
+                }
+            }),
+            gzip,
+        ),
     })
 }
 

@@ -18,7 +18,7 @@ use crate::layout::{FileAxis, Layout, Role};
 use crate::npy_header::{self, NpyHeader};
 use crate::options::{ArrayAxes, OpenOptions};
 use crate::placement;
-use crate::stream::{ByteStream, PlainStream, open_file};
+use crate::stream::{PlainStream, open_file};
 use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
 
 /// NPY files.
@@ -42,7 +42,8 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         return Err(FormatError::Short { path: path.to_owned(), expected, got, at: Some(bytes) });
     }
     let data = path.to_owned();
-    Ok(array.volume_file("NPY", "raw", move || Ok(Box::new(PlainStream::open(&data, offset)?))))
+    let voxels = Voxels::Plain(Box::new(move || Ok(Box::new(PlainStream::open(&data, offset)?))));
+    Ok(array.volume_file("NPY", "raw", voxels))
 }
 
 /// The order of axes that is assumed where the caller gives none.
@@ -140,12 +141,7 @@ impl Array {
     }
 
     /// The array as a volume in a file.
-    pub(crate) fn volume_file(
-        self,
-        format: &'static str,
-        encoding: &str,
-        stream: impl FnOnce() -> Result<Box<dyn ByteStream>> + 'static,
-    ) -> VolumeFile {
+    pub(crate) fn volume_file(self, format: &'static str, encoding: &str, voxels: Voxels) -> VolumeFile {
         VolumeFile {
             format,
             encoding: encoding.into(),
@@ -154,7 +150,7 @@ impl Array {
             element: self.element,
             layers: Vec::new(),
             choices: self.choices,
-            voxels: Voxels::Stream(Box::new(stream)),
+            voxels,
         }
     }
 }

@@ -20,7 +20,7 @@ use crate::npy::Array;
 use crate::npy_header::{self, NpyHeader};
 use crate::options::{OpenOptions, Warnings};
 use crate::stream::{ByteStream, PlainStream, open_file};
-use crate::volume_file::{Format, Takes, VolumeFile};
+use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
 
 /// First bytes of an archive with members, and of one without.
 const MAGICS: [&[u8]; 2] = [b"PK\x03\x04", b"PK\x05\x06"];
@@ -45,11 +45,13 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     }
     let encoding = if member.deflated { "deflate" } else { "raw" };
     let (path, member, warnings) = (path.to_owned(), member.clone(), options.warnings.clone());
-    Ok(array.volume_file("NPZ", encoding, move || {
+    // The archive's checksum is of the whole member.
+    let voxels = Voxels::Stream(Box::new(move || {
         let mut stream = MemberStream::open(&path, &member, &warnings)?;
         stream.skip(header.bytes)?;
         Ok(Box::new(stream))
-    }))
+    }));
+    Ok(array.volume_file("NPZ", encoding, voxels))
 }
 
 /// One `.npy` file of the archive.

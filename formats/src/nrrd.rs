@@ -85,7 +85,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers,
         choices,
-        voxels: Voxels::Stream(stream),
+        voxels: Voxels::of_stream(stream, header.encoding != Encoding::Raw),
     })
 }
 

@@ -6,15 +6,17 @@ use pumice_core::{BlockSource, VolumeInfo, VoxelRegion};
 
 use crate::choice::OpenChoice;
 use crate::chunks::ChunkSource;
+use crate::element::Element;
 use crate::error::FormatError;
-use crate::layout::Role;
-use crate::options::{OpenOptions, Warnings};
+use crate::layout::{Layout, Role};
+use crate::options::OpenOptions;
 use crate::orientation::orientation;
 use crate::region::{self, RegionSource};
 use crate::registry;
 use crate::relabel::{self, JoinedSource, Joins};
 use crate::slab::SlabSource;
-use crate::volume_file::{Layer, Voxels};
+use crate::slabs_by_chunk::SlabsByChunk;
+use crate::volume_file::{Layer, OpenStream, Voxels};
 
 /// The content of a file's header.
 #[derive(Clone, Debug)]
@@ -46,8 +48,8 @@ pub fn open(path: &Path, options: &OpenOptions) -> std::result::Result<Box<dyn B
 }
 
 /// Opens regions of a label volume: the source describes the whole volume and delivers their voxels alone, each once. Of a store only the
-/// chunks that the regions meet are read; of a file without compression, the rows within the box that encloses them all; a compressed one is read
-/// from its beginning, pages from the first to the last that has their voxels.
+/// chunks that the regions meet are read; of a file without compression only their rows; a compressed one is read from its beginning, pages from the
+/// first to the last that has their voxels.
 ///
 /// # Errors
 /// As [`open`]. Regions lie within the volume and do not overlap.
@@ -81,7 +83,21 @@ fn open_any(
         }
     };
     let info = region::cut(&file.info, region);
+    let is_all = options.roi.is_none() && chosen.is_none();
     let source: Box<dyn BlockSource> = match file.voxels {
+        Voxels::Plain(open) => {
+            let (info_of_file, options, path) = (file.info.clone(), options.silent(), path.clone());
+            let mut first = Some((file.info, file.layout, file.element, open));
+            let open = move |piece| {
+                let (info, layout, element, open) = match first.take() {
+                    Some(parts) => parts,
+                    None => plain_again(&path, &options)?,
+                };
+                SlabSource::new(path.clone(), (info, layout, element), open()?, piece, warnings.clone())
+            };
+            let source = Box::new(SlabsByChunk::new(info_of_file, regions.clone(), Box::new(open)));
+            if is_all { source } else { Box::new(RegionSource::new(source, (info, low), regions)) }
+        }
         Voxels::Stream(open) | Voxels::Pages(open) => {
             // What lies outside all regions is skipped as far as it can be.
             let window = [0, 1, 2].map(|a| {
@@ -89,12 +105,8 @@ fn open_any(
                 [low, regions.iter().map(|r| r[a][1]).max().unwrap_or(region[a][1])]
             });
             let of_file = (file.info, file.layout, file.element);
-            let source = SlabSource::new(path.clone(), of_file, open()?, window, warnings)?;
-            if options.roi.is_some() || chosen.is_some() {
-                Box::new(RegionSource::new(Box::new(source), (info, low), regions))
-            } else {
-                Box::new(source)
-            }
+            let source = Box::new(SlabSource::new(path.clone(), of_file, open()?, window, warnings)?);
+            if is_all { source } else { Box::new(RegionSource::new(source, (info, low), regions)) }
         }
         Voxels::Chunks(chunks) => {
             let how = (&file.layout, file.element);
@@ -107,6 +119,18 @@ fn open_any(
     })
 }
 
+/// The header of a file whose voxels were found to be plain, read once more.
+fn plain_again(
+    path: &Path,
+    options: &OpenOptions,
+) -> std::result::Result<(VolumeInfo, Layout, Element, OpenStream), FormatError> {
+    let file = registry::read(path, options)?;
+    match file.voxels {
+        Voxels::Plain(open) => Ok((file.info, file.layout, file.element, open)),
+        _ => Err(FormatError::damaged(path, "the file changed while it was read")),
+    }
+}
+
 /// How the voxels of a source are reached.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
 pub enum Reach {
@@ -114,7 +138,7 @@ pub enum Reach {
     Regions,
     /// Layers across this axis (0 to 2 for x to z), without reading those before: pages that are compressed one by one.
     Layers(usize),
-    /// From first to last only: a compressed stream.
+    /// From first to last only: a compressed stream, or one in an archive.
     Stream,
 }
 
@@ -123,15 +147,13 @@ pub enum Reach {
 /// # Errors
 /// As [`open`].
 pub fn reach(path: &Path, options: &OpenOptions) -> std::result::Result<Reach, FormatError> {
-    let silent = OpenOptions { warnings: Warnings::default(), ..options.clone() };
-    let file = registry::read(path, &silent)?;
+    let file = registry::read(path, &options.silent())?;
     let slowest = file.layout.axes().iter().rev().find_map(|axis| match axis.role {
         Role::Space(space) if axis.size > 1 => Some(space),
         _ => None,
     });
     Ok(match (file.voxels, slowest) {
-        (Voxels::Chunks(_), _) => Reach::Regions,
-        (Voxels::Stream(_) | Voxels::Pages(_), _) if file.encoding == "raw" => Reach::Regions,
+        (Voxels::Chunks(_) | Voxels::Plain(_), _) => Reach::Regions,
         (Voxels::Pages(_), axis) => Reach::Layers(axis.unwrap_or(2)),
         (Voxels::Stream(_), _) => Reach::Stream,
     })

@@ -59,6 +59,11 @@ pub struct Recorded {
 }
 
 impl OpenOptions {
+    /// The same, for reading a header that was read before: its warnings go nowhere.
+    pub fn silent(&self) -> Self {
+        Self { warnings: Warnings::default(), ..self.clone() }
+    }
+
     /// The options of the command that the caller has given, such as `--layer`.
     pub fn given(&self) -> Vec<&'static str> {
         // Taken apart by name, so that a new field cannot be forgotten here.

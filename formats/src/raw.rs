@@ -55,14 +55,17 @@ pub(crate) fn read(path: &Path, raw: &RawLayout, options: &OpenOptions) -> Resul
         element,
         layers: Vec::new(),
         choices: Vec::new(),
-        voxels: Voxels::Stream(Box::new(move || {
-            if gzip {
-                let mut stream = InflateStream::open(&path, 0, Wrapping::Gzip, &warnings)?;
-                stream.skip(offset)?;
-                Ok(Box::new(stream))
-            } else {
-                Ok(Box::new(PlainStream::open(&path, offset)?))
-            }
-        })),
+        voxels: Voxels::of_stream(
+            Box::new(move || {
+                if gzip {
+                    let mut stream = InflateStream::open(&path, 0, Wrapping::Gzip, &warnings)?;
+                    stream.skip(offset)?;
+                    Ok(Box::new(stream))
+                } else {
+                    Ok(Box::new(PlainStream::open(&path, offset)?))
+                }
+            }),
+            gzip,
+        ),
     })
 }

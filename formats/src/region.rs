@@ -5,7 +5,7 @@ use std::path::Path;
 use glam::{DAffine3, DVec3};
 use pumice_core::{BlockSource, LabelBlock, LabelBuffer, VolumeInfo};
 
-use crate::chunk_walk::Region;
+use crate::chunk_order::Region;
 use crate::error::{FormatError, Result};
 use crate::options::Roi;
 

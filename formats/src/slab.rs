@@ -14,7 +14,8 @@ use std::path::PathBuf;
 
 use pumice_core::{BlockSource, LabelBlock, VolumeInfo};
 
-use crate::chunk_walk::{Region, step};
+use crate::chunk_order::Region;
+use crate::chunk_walk::step;
 use crate::element::Element;
 use crate::error::{FormatError, Result};
 use crate::layout::{Layout, Role};
@@ -46,8 +47,8 @@ pub(crate) struct SlabSource {
     /// The steps of each file axis that are read: the window's, and of an axis outside the volume its one index (all of them where it is faster
     /// than `cut`).
     window: Vec<[u64; 2]>,
-    /// Whether the window is the whole volume.
-    is_whole: bool,
+    /// Whether the window has the volume's last voxel, behind which the file ends.
+    has_last: bool,
     /// Index of the next block's start, on `cut` and on all slower axes.
     at: Vec<u64>,
     /// Number of bytes taken from the stream.
@@ -99,7 +100,7 @@ impl SlabSource {
             }
         }
         let at = of_axes[cut..].iter().map(|[low, _]| *low).collect();
-        let is_whole = window == layout.dims().map(|size| [0, u64::from(size)]);
+        let has_last = window.map(|[_, high]| high) == layout.dims().map(u64::from);
         Ok(Self {
             path,
             info,
@@ -109,7 +110,7 @@ impl SlabSource {
             warnings,
             cut,
             steps,
-            is_whole,
+            has_last,
             window: of_axes,
             at,
             taken: 0,
@@ -126,7 +127,7 @@ impl SlabSource {
         // Past the last index of the slowest axis, everything has been delivered.
         if self.at.is_empty() {
             self.ended = true;
-            if self.is_whole {
+            if self.has_last {
                 self.finish()?;
             }
             return Ok(None);
@@ -399,8 +400,9 @@ mod tests {
                         assert_eq!(found, u64::from(id(at)), "{axes:?} {window:?} {at:?}");
                         assert!((0..3).all(|a| (window[a][0]..window[a][1]).contains(&at[a])));
                     }
-                    // Indices of another axis that is faster than the slowest one of the volume are read along.
-                    let along = if place < 3 { 3 } else { 1 };
+                    // Indices of another axis that is faster than the slowest one of several voxels are read along.
+                    let several = |axis: &FileAxis| matches!(axis.role, Role::Space(a) if size(a) > 1);
+                    let along = if axes.iter().rposition(several) > Some(place) { 3 } else { 1 };
                     let is_all = (0..3).all(|a| size(a) == DIMS[a]);
                     assert!(
                         is_all || bytes == 2 * along * voxels.len() as u64,

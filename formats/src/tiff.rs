@@ -114,7 +114,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices,
-        voxels: Voxels::Pages(stream),
+        voxels: if compression == Compression::None { Voxels::Plain(stream) } else { Voxels::Pages(stream) },
     })
 }
 

@@ -59,16 +59,25 @@ pub struct Layer {
 }
 
 /// Opens the stream of voxels when they are needed.
-pub(crate) type OpenStream = Box<dyn FnOnce() -> Result<Box<dyn ByteStream>>>;
+pub(crate) type OpenStream = Box<dyn FnOnce() -> Result<Box<dyn ByteStream>> + Send>;
 
 /// How the voxels of a file are reached.
 pub(crate) enum Voxels {
-    /// From first to last.
+    /// From first to last: a compressed stream, or one with a checksum.
     Stream(OpenStream),
     /// From first to last, in pages of which any can be the first.
     Pages(OpenStream),
+    /// As they are stored, without compression: what is not wanted is skipped.
+    Plain(OpenStream),
     /// Chunk by chunk, in any order.
     Chunks(Chunks),
+}
+
+impl Voxels {
+    /// Those of a stream that is compressed, or not.
+    pub(crate) fn of_stream(open: OpenStream, is_compressed: bool) -> Self {
+        if is_compressed { Self::Stream(open) } else { Self::Plain(open) }
+    }
 }
 
 /// A label volume in a file: the content of its header, and access to the voxels.

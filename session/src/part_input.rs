@@ -6,7 +6,7 @@ use pumice_core::{
     ChunkGrid, ChunkSet, CompressOptions, Job, PartSource, SeriesSource as _, VolumeInfo, VoxelRegion,
     WrittenVolume, compress_part, compress_series_part,
 };
-use pumice_formats::{FileSeries, OpenOptions, Reach, TimeSteps, Warnings, open_series};
+use pumice_formats::{FileSeries, OpenOptions, Reach, TimeSteps, open_series};
 
 use crate::compress_file::limit_error;
 use crate::error::{Result, SessionError};
@@ -54,11 +54,7 @@ impl PartInput {
     /// How a time step of a file is read, without the warnings of its reader; those of a volume where it has no time.
     fn reading_of(&self, frame: u32) -> OpenOptions {
         let step = self.series.as_ref().and_then(|series| series.place(frame).1);
-        OpenOptions {
-            warnings: Warnings::default(),
-            time: step.or(self.reading.time),
-            ..self.reading.clone()
-        }
+        OpenOptions { time: step.or(self.reading.time), ..self.reading.silent() }
     }
 
     /// The description of the volume, or of the first time step.

@@ -177,7 +177,7 @@ fn groups(input: &PartInput, info: &VolumeInfo) -> Result<Vec<ChunkSet>> {
             Ok(layers.into_values().map(ChunkSet::of).collect())
         }
         Reach::Stream => Err(SessionError::Caller(format!(
-            "{}: --resume and --restart: its voxels are one compressed stream, which can only be read from its beginning, so no parts are \
+            "{}: --resume and --restart: its voxels are one stream, compressed or in an archive, which can only be read from its beginning, so no parts are \
              kept; compress it without the option, or store it as Zarr, or without compression",
             file.display()
         ))),

@@ -225,7 +225,7 @@ fn join(
     let begun = content_hash::begun(dims, &ids);
     let mut contents = BTreeMap::new();
     let faces = Scratch::new(&budget.folder);
-    let mut touching = Touching::new(dims, &faces, budget.share(4096), &[])?;
+    let mut touching = Touching::new(dims, &faces, budget, &[])?;
     // The labels of the part that was read last.
     let mut numbers: Option<(usize, Vec<u32>)> = None;
     for (i, part) in parts.iter().enumerate() {
