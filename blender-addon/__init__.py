@@ -28,7 +28,7 @@ A module imports only from lines below its own:
     preferences      active_volume
     label_table      properties           cache                devices              mesh_file            units
     file_paths       volume_place         table_writes         time_settings        file_series
-    time_steps
+    time_steps           tracked_file
     background       verify_maps          online_access
     reports
     native

@@ -3,8 +3,9 @@
 """Where the files of a volume object are: paths as Blender has them, relative (`//`) to the .blend file or to the library of a linked object.
 
     1. the path itself                          silent
-    2. where the file was at the last save      said   an object that was appended keeps a path relative to the file that it came from
-    3. beside the library, beside the .blend    said   both were moved into one folder
+    2. the path of its data-block               said   `tracked_file`: a packer, *Find Missing Files* or an append has changed it
+    3. where the file was at the last save      said   an object that was appended keeps a path relative to the file that it came from
+    4. beside the library, beside the .blend    said   both were moved into one folder
 
 The URL of a source on a server stays as it is.
 
@@ -17,7 +18,7 @@ import re
 
 import bpy
 
-from . import native
+from . import native, tracked_file
 
 # Properties of `object.pumice` that are paths of files.
 NAMES = ("filepath", "source_path")
@@ -40,7 +41,8 @@ def find(obj, name="filepath"):
     library = _library(obj)
     blends = [bpy.path.abspath(library.filepath, library=library.parent)] if library is not None else []
     beside = [os.path.join(os.path.dirname(os.path.abspath(blend)), file_name) for blend in (*blends, bpy.data.filepath) if blend]
-    for place in (getattr(obj.pumice, f"last_{name}"), *beside):
+    tracked = [tracked_file.path(obj)] if name == "filepath" else []
+    for place in (*tracked, getattr(obj.pumice, f"last_{name}"), *beside):
         if place and os.path.exists(place):
             return place, f"{obj.name}: {given} is missing; {place} is taken instead"
     return given, None
@@ -59,7 +61,8 @@ def _library(obj):
 
 
 def _rebase(folder):
-    """Writes the paths of all local volumes as a .blend file in `folder` stores them."""
+    """Writes the paths of all local volumes as a .blend file in `folder` stores them, and those of their data-blocks."""
+    opened = _folder(bpy.data.filepath)
     for obj in local_volumes():
         for name in NAMES:
             path = getattr(obj.pumice, name)
@@ -68,6 +71,8 @@ def _rebase(folder):
                 continue
             if os.path.exists(found):
                 _set(obj, f"last_{name}", found)
+            if name == "filepath":
+                tracked_file.follow(obj, _stored(path, found, opened) if opened else found)
             _set(obj, name, _stored(path, found, folder))
 
 
@@ -100,7 +105,11 @@ def _folder(blend):
 
 @bpy.app.handlers.persistent
 def _before_save(path, *_):
+    for obj in bpy.data.objects:
+        if obj.library is None and not obj.pumice.filepath:
+            tracked_file.drop(obj)
     _rebase(_folder(path))
+    tracked_file.keep_linked()
 
 
 @bpy.app.handlers.persistent

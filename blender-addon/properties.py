@@ -8,6 +8,7 @@ A label never gets a property group: tables of 100,000 labels live in mesh attri
 import bpy
 from bpy.props import (
     BoolProperty,
+    CollectionProperty,
     EnumProperty,
     FloatProperty,
     FloatVectorProperty,
@@ -45,6 +46,12 @@ def _tag(settings, _context):
 
 # Options of a path that may begin with "//": Blender 5 warns of such a path where they are missing, earlier versions do not know them.
 RELATIVE_PATH = {"ANIMATABLE"} | ({"PATH_SUPPORTS_BLEND_RELATIVE"} if bpy.app.version >= (5, 0, 0) else set())
+
+
+class PumiceLinkedFile(bpy.types.PropertyGroup):
+    """The file of a linked volume object, see `tracked_file`."""
+
+    block: PointerProperty(name="File", description="Data-block with the path of the file", type=bpy.types.Volume, options={"HIDDEN"})
 
 
 class PumiceSceneSettings(bpy.types.PropertyGroup):
@@ -208,6 +215,9 @@ class PumiceSceneSettings(bpy.types.PropertyGroup):
     ramp: PointerProperty(
         name="Color Ramp", description="Texture whose color ramp colors labels by number", type=bpy.types.Texture, options={"HIDDEN"}
     )
+    linked_files: CollectionProperty(
+        name="Linked Files", description="Files of linked volumes, which packers find by them", type=PumiceLinkedFile, options={"HIDDEN"}
+    )
 
 
 class PumiceViewLayerSettings(bpy.types.PropertyGroup):
@@ -273,6 +283,12 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     last_source_path: StringProperty(
         name="Last Place of the Source", description="Where the source was when the file was saved", options={"HIDDEN"}
     )
+    tracked_file: PointerProperty(
+        name="Tracked File",
+        description="Data-block with the path of the volume, by which Blender and packers find the file",
+        type=bpy.types.Volume,
+        options={"HIDDEN"},
+    )
     table: PointerProperty(
         override={"LIBRARY_OVERRIDABLE"},
         name="Label Table", description="Mesh with one vertex for each label, in order of id", type=bpy.types.Mesh
@@ -315,7 +331,7 @@ class PumiceVolumeSettings(bpy.types.PropertyGroup):
     )
 
 
-CLASSES = (PumiceSceneSettings, PumiceViewLayerSettings, PumiceMaterialSettings, PumiceVolumeSettings)
+CLASSES = (PumiceLinkedFile, PumiceSceneSettings, PumiceViewLayerSettings, PumiceMaterialSettings, PumiceVolumeSettings)
 OWNERS = (
     (bpy.types.Scene, PumiceSceneSettings),
     (bpy.types.ViewLayer, PumiceViewLayerSettings),
