@@ -1,11 +1,11 @@
 """Compression on the workers of a Dask cluster: the bytes of the command, also where a worker is killed, and nothing is made twice."""
 
 import os
+import shutil
 import signal
 import subprocess
 import time
 
-import dask
 import dask.array
 import numpy as np
 import pumice
@@ -97,15 +97,16 @@ def test_merging_is_a_tree(stored, whole, tmp_path):
 
 def test_a_part_that_was_joined_is_not_made_again(stored, whole, tmp_path):
     """A worker that dies takes with it what its tasks returned: they run again, when their parts are gone but the joined one is there."""
-    out, parts = tmp_path / "out.pumice", tmp_path / "out.pumice.parts"
-    tree = pumice.dask.compress(stored, out, axes="xyz", fan_in=2, compute=False)
-    joined = parts / "chunks-000000-000003.part"
-    pumice.compress_part(stored, joined, "0-3", axes="xyz")
-    stamp = joined.stat().st_mtime_ns
-    keys = [key for key in tree.dask if key.startswith("pumice-join")]
-    dask.get(dict(tree.dask), keys)
-    assert joined.stat().st_mtime_ns == stamp
-    assert sorted(p.name for p in parts.iterdir()) == ["chunks-000000-000003.part", "chunks-000004-000005.part"]
+    source, out, parts = tmp_path / "a.zarr", tmp_path / "out.pumice", tmp_path / "out.pumice.parts"
+    shutil.copytree(stored, source)
+    tree = pumice.dask.compress(source, out, axes="xyz", fan_in=2, compute=False)
+    pumice.compress_part(source, parts / "chunks-000000-000003.part", "0-3", axes="xyz")
+    pumice.compress_part(source, parts / "chunks-000004-000005.part", "4-5", axes="xyz")
+    # The negative control: what is not there is made, for which the source is needed.
+    other = pumice.dask.compress(source, tmp_path / "other.pumice", axes="xyz", fan_in=2, compute=False)
+    shutil.rmtree(source)
+    with pytest.raises(pumice.PumiceError, match=r"a\.zarr"):
+        other.compute(scheduler="synchronous")
     tree.compute(scheduler="synchronous")
     assert out.read_bytes() == whole
 
