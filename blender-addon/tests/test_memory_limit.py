@@ -5,6 +5,7 @@ memory; what cannot is one line."""
 
 import gc
 import re
+import shutil
 import time
 
 import bpy
@@ -66,9 +67,9 @@ def limit(blender, extension):
     load(extension, "registry")._entries.clear()
 
 
-def staged(path):
+def staged(path, **options):
     """The scene with an imported volume, to be rendered in a moment."""
-    obj, scene = imported(bpy, path), bpy.context.scene
+    obj, scene = imported(bpy, path, **options), bpy.context.scene
     render = scene.render
     render.resolution_x, render.resolution_y, render.resolution_percentage = *SIZE, 100
     scene.pumice.samples, scene.pumice.viewport_samples, scene.pumice.bounces, scene.pumice.seed = SPP, SPP, 3, 7
@@ -91,6 +92,12 @@ def f12(scene, path):
 def open_volume(extension):
     [entry] = load(extension, "registry")._entries.values()
     return entry.volume
+
+
+def open_memory(extension):
+    """The memory that all open volumes share."""
+    [memory] = {entry.volume.memory for entry in load(extension, "registry")._entries.values()}
+    return memory
 
 
 def hide_some(extension, obj):
@@ -291,3 +298,48 @@ def test_a_limit_bounds_what_blender_takes(extension, tmp_path):
     grown = [one["peak"] - one["alone"] for one in (whole, within)]
     print(grown, bytes_of_all, whole, within)
     assert bytes_of_all > 40e6 and grown[0] - grown[1] > bytes_of_all / 2, (grown, bytes_of_all)
+
+
+def test_a_time_series_within_a_limit_has_the_same_pixels(limit, extension, enough, tmp_path):
+    """Each time step has labels and noise of its own, so a picture of another step is convicted."""
+    steps = [np.roll(noise((128, 128, 96), 0.03 + 0.02 * step, 50), 40 * step, 0) for step in range(3)]
+    pumice.compress_series(steps, tmp_path / "series.pumice")
+    scene, obj = staged(tmp_path / "series.pumice", time_steps="all")
+    assert obj.pumice_time.time_steps == 3
+
+    def pictures():
+        made = []
+        for frame in (1, 3, 2):
+            scene.frame_set(frame)
+            made.append(f12(scene, tmp_path / "a.exr"))
+        return made
+
+    whole = pictures()
+    assert len({picture.tobytes() for picture in whole}) == 3
+    limit(enough)
+    within = pictures()
+    assert all(np.array_equal(a.view(np.uint32), b.view(np.uint32)) for a, b in zip(within, whole, strict=True))
+    figures = open_memory(extension).figures
+    assert figures.loads > 8 and 0 < figures.most_bytes <= enough << 20, figures
+    hide_some(extension, obj)
+    fewer = pictures()
+    limit(0)
+    assert all(np.array_equal(a.view(np.uint32), b.view(np.uint32)) for a, b in zip(pictures(), fewer, strict=True))
+    assert not np.array_equal(fewer[0], whole[0])
+
+
+def test_reload_within_a_limit_shows_what_the_file_has_now(limit, extension, bodies, enough, tmp_path):
+    path = tmp_path / "bodies.pumice"
+    shutil.copyfile(bodies, path)
+    limit(enough)
+    scene, obj = staged(path)
+    before = f12(scene, tmp_path / "a.exr")
+    # Other voxels, and labels that are new.
+    pumice.compress(noise((256, 256, 192), 0.05, 220)).save(path)
+    assert bpy.ops.pumice.reload() == {"FINISHED"}
+    after = f12(scene, tmp_path / "a.exr")
+    assert open_volume(extension).memory.figures.loads > 8 and obj.pumice.labels == 220
+    load(extension, "registry")._entries.clear()
+    limit(0)
+    assert np.array_equal(f12(scene, tmp_path / "a.exr").view(np.uint32), after.view(np.uint32))
+    assert open_volume(extension).memory is None and not np.array_equal(before, after)
