@@ -412,4 +412,32 @@ mod tests {
             }
         }
     }
+
+    /// Where a plane of the window is larger than a block, each plane begins at the window's first row again.
+    #[test]
+    fn planes_larger_than_a_block_begin_at_the_windows_first_row() {
+        const SIDE: u64 = 4100;
+        let bytes: Vec<u8> = (0..3 * SIDE * SIDE).map(|i| (i % 251) as u8).collect();
+        let stream = Box::new(Counted { bytes, at: 0, read: Arc::default() });
+        let layout = Layout::x_fastest("a".as_ref(), [SIDE, SIDE, 3], 1).unwrap();
+        let of_file =
+            (VolumeInfo::new(layout.dims(), LabelType::U8), layout, Element::new(LabelType::U8, false));
+        let window = [[1, SIDE], [3, SIDE], [1, 3]];
+        let mut source = SlabSource::new("a".into(), of_file, stream, window, Warnings::default()).unwrap();
+        let (mut blocks, mut voxels) = (0, 0);
+        while let Some(block) = source.next_block().unwrap() {
+            assert_eq!((block.origin[0], block.dims[0], block.dims[2]), (1, SIDE as u32 - 1, 1));
+            assert!(block.origin[1] >= 3 && block.origin[2] >= 1);
+            for y in 0..block.dims[1] {
+                for x in [0, 1, block.dims[0] - 1] {
+                    let [x_in, y_in, z_in] =
+                        [block.origin[0] + x, block.origin[1] + y, block.origin[2]].map(u64::from);
+                    assert_eq!(block.get([x, y, 0]), (x_in + SIDE * (y_in + SIDE * z_in)) % 251);
+                }
+            }
+            (blocks, voxels) = (blocks + 1, voxels + block.dims.map(u64::from).iter().product::<u64>());
+        }
+        assert_eq!(voxels, (SIDE - 1) * (SIDE - 3) * 2);
+        assert!(blocks > 2, "{blocks}");
+    }
 }
