@@ -87,15 +87,16 @@ def compress_part(
     """Compresses some `chunks` of `source` into the part `out`: a number, numbers, or a text such as `"0,4-7"`. Only their voxels are read.
 
     `source` and the other keywords are as for `compress`, those of reading as for `open`; names, types and numbers of a table are given to
-    `merge`. A time series, all of it or its `time_steps`, is taken as well: a part has its chunks at all of them. A file is told from others by its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts
-    with others are not merged."""
+    `merge`. A time series, all of it or its `time_steps`, is taken as well: a part has its chunks at all of them. A file is told from others by
+    its content. An array is told by its shape, its type and `fingerprint`, a text of your choice; parts with others are not merged."""
     text = _text_of(chunks)
     limits = limits_of(memory_limit, threads)
+    frames: Sequence[Any]
     if isinstance(source, (list, tuple)):
         frames = source
     else:
-        is_series = len(getattr(source, "shape", ())) == 4
-        frames = [Frame(source, step) for step in range(source.shape[0])] if is_series else [source]
+        shape = getattr(source, "shape", ())
+        frames = [Frame(source, step) for step in range(shape[0])] if len(shape) == 4 else [source]
     described, read_as = described_frames(frames, time_steps, spacing, unit, world_from_index, names, choice, text)
     name, told = "", ""
     if not isinstance(described[0], str):

@@ -34,8 +34,9 @@ def test_a_terminal_sees_progress_and_the_time_that_is_left(pumice, volume, tmp_
     os.close(leader)
     out, _ = process.communicate()
     assert process.returncode == 0 and b"labels" in out
-    shown = re.findall(r"compressing\W.* (\d+) %  \d+s, stage done in (\d+)s", seen.decode())
-    assert shown and all(0 <= int(percent) <= 100 for percent, _ in shown)
+    shown = [int(percent) for percent in re.findall(r"compressing\W.*? (\d+) %  \d+s, done in \d+s", seen.decode())]
+    # Of the whole job: it does not begin again where a stage does.
+    assert len(shown) > 3 and shown == sorted(shown) and 0 <= shown[0] and 40 < shown[-1] <= 100, shown
     # Elsewhere there is no bar.
     done = subprocess.run([*command[:-1], tmp_path / "b.pumice"], capture_output=True, check=True)
     assert done.stderr == b""
