@@ -95,7 +95,7 @@ def compress_part(
     if isinstance(source, (list, tuple)):
         frames = source
     else:
-        shape = getattr(source, "shape", ())
+        shape: tuple[int, ...] = getattr(source, "shape", ())
         frames = [Frame(source, step) for step in range(shape[0])] if len(shape) == 4 else [source]
     described, read_as = described_frames(frames, time_steps, spacing, unit, world_from_index, names, choice, text)
     name, told = "", ""
