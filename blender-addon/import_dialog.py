@@ -329,6 +329,17 @@ def open_later(context, operator, **chosen):
     bpy.app.timers.register(show, first_interval=0.0)
 
 
+def draw_scene_options(operator, context, layout):
+    """Draws what an import does to its scene, or that a scene with a volume stays as it is."""
+    if any(o.pumice.filepath for o in context.scene.objects):
+        layout.label(text="Engine, light, camera and viewports stay as they are")
+        return
+    column = layout.column(heading="Scene")
+    column.prop(operator, "use_engine")
+    column.prop(operator, "use_light")
+    column.prop(operator, "use_camera")
+
+
 def volumes_folder():
     """The extension's own folder for compressed volumes."""
     return bpy.utils.extension_path_user(__package__, path="volumes", create=False)

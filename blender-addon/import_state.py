@@ -105,13 +105,7 @@ class PUMICE_OT_import_state(InBackground, bpy.types.Operator, ImportHelper):
         column = layout.column(heading="Part")
         column.prop(self, "roi")
         column.prop(self, "scale")
-        if any(o.pumice.filepath for o in context.scene.objects):
-            layout.label(text="Engine, light, camera and viewports stay as they are")
-            return
-        column = layout.column(heading="Scene")
-        column.prop(self, "use_engine")
-        column.prop(self, "use_light")
-        column.prop(self, "use_camera")
+        import_dialog.draw_scene_options(self, context, layout)
 
     def begin(self, context):
         state, layers = self._state(), self._sources()

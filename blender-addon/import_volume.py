@@ -18,7 +18,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 
 from . import cache, file_facts, first_look, label_files, label_table, native, online_access, opening, proxy_update, registry, time_settings, units, viewport, volume_object
 from .background import InBackground, Work
-from .import_dialog import ImportDialog
+from .import_dialog import ImportDialog, draw_scene_options
 
 ENDINGS = (".pumice", ".nrrd", ".nhdr", ".nii", ".gz", ".hdr", ".tif", ".tiff", ".npy", ".npz", ".mha", ".mhd", ".h5", ".hdf5", ".hdf")
 # Folders, which can be dropped; in the file browser a file in them stands for them.
@@ -128,13 +128,7 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
         column = layout.column(heading="Display")
         column.prop(self, "placement")
         column.prop(self, "longest_side")
-        if any(o.pumice.filepath for o in context.scene.objects):
-            layout.label(text="Engine, light, camera and viewports stay as they are")
-            return
-        column = layout.column(heading="Scene")
-        column.prop(self, "use_engine")
-        column.prop(self, "use_light")
-        column.prop(self, "use_camera")
+        draw_scene_options(self, context, layout)
 
     # Inside
 

@@ -36,6 +36,7 @@ def volume():
 def save(path, **more):
     path.parent.mkdir(exist_ok=True)
     assert bpy.ops.wm.save_as_mainfile(filepath=str(path), **more) == {"FINISHED"}
+    return path
 
 
 def test_saving_makes_paths_relative_and_saving_elsewhere_adapts_them(project, find):

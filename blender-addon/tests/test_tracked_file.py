@@ -13,6 +13,7 @@ import pytest
 from blender_asset_tracer import blendfile, pack, trace
 
 import farm_node
+from test_file_paths import save, volume
 from test_object_is_blenders import SIZE, label_pass, made
 from test_real_volumes import exr
 
@@ -28,16 +29,6 @@ def project(blender, tmp_path):
     (tmp_path / "project" / "scenes").mkdir(parents=True)
     made(tmp_path / "project" / "data" / "cells.pumice")
     return tmp_path / "project"
-
-
-def volume():
-    return next(o for o in bpy.data.objects if o.pumice.filepath)
-
-
-def save(path, **more):
-    path.parent.mkdir(exist_ok=True)
-    assert bpy.ops.wm.save_as_mainfile(filepath=str(path), **more) == {"FINISHED"}
-    return path
 
 
 def opened(path):

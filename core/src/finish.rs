@@ -19,8 +19,9 @@ use std::path::{Path, PathBuf};
 
 use crate::chunk_boxes::{ChunkBoxes, boxes_of_chunk};
 use crate::content_hash;
+use crate::freed_memory::give_back;
 use crate::layers::Layers;
-use crate::memory::{available_bytes, give_back};
+use crate::memory::available_bytes;
 use crate::reserve::{collected, reserved, zeroed};
 use crate::spool::Scratch;
 use crate::store::StoredParts;

@@ -29,6 +29,7 @@ pub mod error;
 pub mod file;
 mod find_contacts;
 mod finish;
+mod freed_memory;
 pub mod grid;
 pub mod info;
 pub mod input_file;

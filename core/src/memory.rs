@@ -22,18 +22,6 @@ pub fn available_bytes() -> Option<u64> {
     [machine, containers, process].into_iter().flatten().min()
 }
 
-/// Gives memory that was freed back to the system, where the allocator would keep it: that of glibc does, in each thread's arena.
-pub(crate) fn give_back() {
-    #[cfg(all(target_os = "linux", target_env = "gnu"))]
-    {
-        // SAFETY: the function may be called at any time from any thread; it changes nothing that is allocated.
-        #[allow(unsafe_code)]
-        unsafe {
-            libc::malloc_trim(0);
-        }
-    }
-}
-
 /// The value of a line `name: value kB`, in bytes.
 fn kib_line(text: &str, name: &str) -> Option<u64> {
     let value = text.lines().find_map(|line| line.strip_prefix(name)?.strip_prefix(':'))?;
