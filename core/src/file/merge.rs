@@ -7,7 +7,8 @@
 //!             └─► copied, but for RUNS, which has numbers of labels          level default
 //!             └─► coded again: as they are in memory (fast), as voxels (small)
 //! ```
-//! One chunk is in memory at a time, with the nodes and boxes of all its frames, beside the table of labels, their contacts and the section tables of the parts.
+//! One chunk is in memory at a time, with the nodes and boxes of all its frames, beside the table of labels, their contacts and the section
+//! tables of the parts.
 
 use std::collections::BTreeMap;
 use std::io::{Read as _, Seek as _, SeekFrom};
@@ -37,8 +38,8 @@ use crate::{
 const LABELS: &str = "the table of labels";
 
 /// Joins the parts of a volume ([`crate::compress_part`]) or of a time series ([`crate::compress_series_part`]), in any order, to the file that
-/// [`crate::compress_to_file`] or [`crate::compress_series_to_file`] makes of the whole at once: byte for byte, at each level. Before the file is written, `describe` may give names, types and numbers to the labels of a volume
-/// without boxes.
+/// [`crate::compress_to_file`] or [`crate::compress_series_to_file`] makes of the whole at once: byte for byte, at each level. Before the file
+/// is written, `describe` may give names, types and numbers to the labels of a volume without boxes.
 ///
 /// # Errors
 /// [`Error::Caller`] that names the parts which do not belong together, the chunk that comes twice, or the chunks that are missing;

@@ -7,7 +7,8 @@
 //! PART      {"chunks": "0,4-7", "of": 12, "source": {"name", "fingerprint", "reading"}}
 //! sections of its chunks, packed, as in a volume of the level `default`
 //! ```
-//! Of a time series a part has its chunks at all frames, because they share nodes. A chunk stands alone, so its sections are those that it has in the file of the whole volume, apart from `RUNS`, which has numbers of labels.
+//! Of a time series a part has its chunks at all frames, because they share nodes. A chunk stands alone, so its sections are those that it has in
+//! the file of the whole volume, apart from `RUNS`, which has numbers of labels.
 
 use std::fs::File;
 use std::ops::Range;
