@@ -48,7 +48,7 @@ impl Iterator for InChunkOrder {
                 })
             });
             // Of a chunk that is smaller than half a step, nothing may be left.
-            if true {
+            if piece.iter().all(|[low, high]| low < high) {
                 return Some(piece);
             }
         }

@@ -178,7 +178,7 @@ fn chunks_of(parts: &[OpenPart]) -> Result<ChunkSet> {
     ranges.sort_unstable();
     for pair in ranges.windows(2) {
         let ([_, high], [low, _]) = (pair[0].0, pair[1].0);
-        if low < high {
+        if low <= high {
             let (one, other) = (parts[pair[0].1].path.display(), parts[pair[1].1].path.display());
             return Err(Error::Caller(format!(
                 "{one} and {other} both have chunk {low}: expected each chunk once"
