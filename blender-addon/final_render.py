@@ -62,7 +62,7 @@ def render(engine, depsgraph):
     engine.update_stats("Pumice", "reading the scene")
     kept = persistent.of(depsgraph.scene, preferences.backend(wishes))
     parts, left_out = parts_of_frame(depsgraph, kept=kept.reading())
-    for line in left_out + preferences.notices(wishes):
+    for line in left_out:
         engine.report({"WARNING"}, line)
     scene = parts.made(pumice)
 

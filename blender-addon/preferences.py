@@ -60,7 +60,7 @@ class PumicePreferences(bpy.types.AddonPreferences):
     )
     memory_limit: IntProperty(
         name="Memory Limit",
-        description="MiB of memory that volumes hold at most while they are drawn. They are then drawn from temporary files, by the processor, with the "
+        description="MiB of memory that volumes hold at most while they are drawn. They are then drawn from temporary files, with the "
         "same picture; a limit that is too small for a scene is refused with one that suffices. 0 is no limit: volumes are read whole",
         min=0,
         max=(1 << 31) - 1,
@@ -93,31 +93,17 @@ class PumicePreferences(bpy.types.AddonPreferences):
 
 
 def backend(wishes):
-    """The backend that draws a scene with these settings, as the compiled module names it: with a limit of memory the processor."""
-    return "cpu" if memory_limit_bytes() else _wished(wishes)
-
-
-def notices(wishes):
-    """What is drawn otherwise than these settings say, one line each."""
-    if not memory_limit_bytes() or native.pumice is None:
-        return []
-    wished = _wished(wishes)
-    if wished == "auto":
-        wished = next((device["backend"] for device in devices.listed(native.pumice) if device["chosen"]), "cpu")
-    return [] if wished == "cpu" else [f"{wished.split(':')[0]} needs whole volumes in memory: with a Memory Limit the processor draws"]
+    """The backend that draws a scene with these settings, as the compiled module names it."""
+    if wishes.backend != "AUTO":
+        return wishes.backend.lower()
+    chosen = _chosen()
+    return chosen.backend if chosen is not None else "auto"
 
 
 def memory_limit_bytes():
     """Bytes that all open volumes may hold while they are drawn; 0 without a limit."""
     chosen = _chosen()
     return chosen.memory_limit * MIB if chosen is not None else 0
-
-
-def _wished(wishes):
-    if wishes.backend != "AUTO":
-        return wishes.backend.lower()
-    chosen = _chosen()
-    return chosen.backend if chosen is not None else "auto"
 
 
 def true_overlays():

@@ -110,7 +110,7 @@ class Viewport:
             self._send(parts, volumes, scene.pumice)
             self.volumes = volumes
             registry.hold(self.key, [*parts.sources(), *(entry.file() for entry in self.waiting.values())])
-            notes = self._missing + preferences.notices(scene.pumice) + left_out[:1]
+            notes = self._missing + left_out[:1]
         except Exception as error:  # a viewport that raises takes no further updates: say it in the line instead
             log(error)
             notes = [one_line(error)]

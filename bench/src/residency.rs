@@ -43,6 +43,9 @@ pub(crate) struct Flags {
     /// Samples a pixel
     #[arg(long, value_name = "N", default_value = "16", value_parser = clap::value_parser!(u32).range(1..))]
     spp: u32,
+    /// Backend that draws, as in `pumice render`; pages are then on its device
+    #[arg(long, value_name = "NAME", default_value = "cpu")]
+    backend: String,
     /// Width of the picture
     #[arg(long, value_name = "N", default_value = "960", value_parser = clap::value_parser!(u32).range(16..=4096))]
     width: u32,
@@ -78,7 +81,11 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     for volume in &flags.table.volumes {
         rows.extend(measure(volume, flags, job)?);
     }
-    flags.table.show("residency", &rows, console)?;
+    let name = match flags.backend.as_str() {
+        "cpu" => "residency".to_owned(),
+        other => format!("residency_{}", other.replace(':', "_")),
+    };
+    flags.table.show(&name, &rows, console)?;
     Ok(Outcome::of(rows.iter().all(|row| row.is_same || row.pages.is_err())))
 }
 
@@ -98,20 +105,25 @@ fn measure(input: &Path, flags: &Flags, job: &Job) -> Result<Vec<Drawn>> {
         let opened = [clock.seconds(), clock.cpu_seconds()];
         let dims = volume.info().dims;
         let loaded = LoadedScene::new(scene.clone(), vec![volume], vec![])?;
-        let rendered = render_scene(&loaded, "cpu", &stop, job, &mut |_| {})?;
+        let rendered = render_scene(&loaded, &flags.backend, &stop, job, &mut |_| {})?;
         let [wall, cpu] = rendered.figures.prepare_seconds;
         Ok((scene, rendered, dims, [opened[0] + wall, opened[1] + cpu]))
     };
     let (scene, whole, dims, opening_seconds) = draw(Residence::Copied)?;
     let of = |rendered: &Rendered| [rendered.figures.seconds, rendered.figures.cpu_seconds];
-    let bricks = whole.figures.bytes.get("bricks").copied().unwrap_or(0);
+    // On a device the volume is a part of what the renderer holds.
+    let bytes = |part: &&str| whole.figures.bytes.get(*part).copied().unwrap_or(0);
+    let bytes_whole = match whole.figures.backend.as_str() {
+        "cpu" => whole.figures.volume_bytes.values().sum::<u64>() + bytes(&"bricks"),
+        _ => ["bricks", "boxes", "nodes", "leaves", "labels"].iter().map(bytes).sum(),
+    };
     let row = Drawn {
         volume: file_name(input),
         dims,
         page_voxels: None,
         part: None,
         pages: Ok(None),
-        bytes_whole: whole.figures.volume_bytes.values().sum::<u64>() + bricks,
+        bytes_whole,
         opening_seconds,
         seconds: of(&whole),
         ratios: [1.0; 2],
@@ -123,7 +135,7 @@ fn measure(input: &Path, flags: &Flags, job: &Job) -> Result<Vec<Drawn>> {
             let memory = Arc::new(Residency::new(row.bytes_whole / part));
             let row = Drawn { page_voxels: Some(page_voxels), part: Some(part), ..row.clone() };
             rows.push(match draw(Residence::Paged { memory, page_voxels }) {
-                Err(SessionError::Render(error @ RenderError::Scene(_))) => {
+                Err(SessionError::Render(error @ (RenderError::Scene(_) | RenderError::Device(_)))) => {
                     Drawn { pages: Err(error.to_string()), is_same: false, ..row }
                 }
                 drawn => {

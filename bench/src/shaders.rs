@@ -73,7 +73,7 @@ impl SceneKind {
             Self::All => PartSet::ALL,
         };
         let all = self == Self::All;
-        ShaderNeeds { parts, instance_tree: all, bricks: true, boxes: all }
+        ShaderNeeds { parts, instance_tree: all, bricks: true, boxes: all, pages: all }
     }
 
     fn name(self) -> &'static str {

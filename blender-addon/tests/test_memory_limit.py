@@ -257,27 +257,6 @@ def test_what_cannot_is_one_line(limit, extension, bodies, enough, monkeypatch, 
         bpy.ops.pumice.make_exact_mesh()
 
 
-def test_a_graphics_processor_gives_way_with_a_notice(limit, extension, bodies, enough, monkeypatch, capfd, tmp_path):
-    preferences = limit(0)
-    scene, _ = staged(bodies)
-    scene.pumice.backend = "AUTO"
-    module = load(extension, "preferences")
-    preferences.backend = "vulkan-compute:0"
-    assert (module.backend(scene.pumice), module.notices(scene.pumice)) == ("vulkan-compute:0", [])
-    limit(enough)
-    expected = "vulkan-compute needs whole volumes in memory: with a Memory Limit the processor draws"
-    assert (module.backend(scene.pumice), module.notices(scene.pumice)) == ("cpu", [expected])
-    f12(scene, tmp_path / "a.exr")
-    assert f"Warning: {expected}" in capfd.readouterr().out
-    live = Engine()
-    context, view = viewport_of(bpy, extension, monkeypatch, live)
-    settle(bpy, view, context)
-    view.draw(context, bpy.context.evaluated_depsgraph_get())
-    assert live.line.startswith("cpu · ") and expected in live.line
-    scene.pumice.backend = "CPU"
-    assert module.notices(scene.pumice) == []
-
-
 def test_bad_values_are_refused(limit):
     preferences = limit(0)
     for value in ("many", 1.5, None, 1 << 40):

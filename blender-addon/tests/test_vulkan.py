@@ -40,7 +40,7 @@ def colors(path):
 
 
 @pytest.mark.parametrize("backend", BACKENDS)
-def test_f12_and_the_command_draw_the_same_bits(scene, blender, choose, pumice_command, tmp_path, backend):  # noqa: F811
+def test_f12_and_the_command_draw_the_same_bits(scene, blender, extension, preferences, choose, pumice_command, tmp_path, backend):  # noqa: F811
     choose(backend)
     scene.render.filepath = str(tmp_path / "blender.exr")
     blender.ops.render.render(write_still=True)
@@ -54,6 +54,13 @@ def test_f12_and_the_command_draw_the_same_bits(scene, blender, choose, pumice_c
     ours, theirs = colors(tmp_path / "blender.exr"), colors(tmp_path / "command.exr")
     assert ours.shape == (*SIZE[::-1], 3) and np.ptp(ours) > 0.1
     assert np.array_equal(ours.view(np.uint32), theirs.view(np.uint32))
+    # Within a limit of memory the pages of the volume are on the device, and the bits are the same.
+    preferences.memory_limit = 512
+    blender.ops.render.render(write_still=True)
+    assert np.array_equal(colors(tmp_path / "blender.exr").view(np.uint32), theirs.view(np.uint32))
+    loads = load(extension, "registry").page_memory().figures.loads
+    preferences.memory_limit = 0
+    assert loads > 0
     # Negative control: another seed gives another picture.
     scene.pumice.seed = 8
     blender.ops.render.render(write_still=True)

@@ -219,6 +219,19 @@ impl Pages {
         &self.pages[index].labels
     }
 
+    /// Number of the chunk that the page at `index` lies in.
+    ///
+    /// # Panics
+    /// When `index` is out of range.
+    pub fn chunk(&self, index: usize) -> usize {
+        self.pages[index].chunk as usize
+    }
+
+    /// Lowest voxel and leaves of each chunk.
+    pub fn chunks(&self) -> &[([u32; 3], Leaves)] {
+        &self.chunks
+    }
+
     /// Lowest voxel of a page.
     pub fn origin(&self, number: u64) -> [u32; 3] {
         let [x, y, _] = self.along;

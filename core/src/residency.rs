@@ -147,6 +147,13 @@ impl Residency {
         state.ring.push_back(part);
     }
 
+    /// Counts a part that was loaded into other memory than what is bounded here, which now holds `held_bytes`.
+    pub fn count_elsewhere(&self, held_bytes: u64) {
+        let mut state = self.state();
+        state.loads += 1;
+        state.most_held = state.most_held.max(held_bytes);
+    }
+
     /// Takes back bytes that were counted and are free again.
     pub fn release(&self, bytes: u64) {
         let mut state = self.state();

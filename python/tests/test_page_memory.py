@@ -127,8 +127,6 @@ def test_what_needs_everything_says_so(bodies, tmp_path):
     with pumice.Session(scene, paged, spp=1, backend="cpu") as session:
         session.edit({"edit": "settings", "settings": {**scene.to_dict()["settings"], "smooth_voxels": True}})
         assert failure(session).startswith("memory limit: smooth shading of voxels")
-    with pytest.raises(pumice.InputError, match="only the backend cpu draws from disk"):
-        pumice.Session(scene, paged, backend="vulkan-compute")
 
 
 def test_a_file_may_go_once_it_is_open(bodies, tmp_path):

@@ -145,22 +145,6 @@ fn processor() -> String {
     format!("{name} on {threads} thread{}", if threads == 1 { "" } else { "s" })
 }
 
-/// The backend for a scene where `name` was asked for: volumes that are drawn from disk are drawn on the processor.
-///
-/// # Errors
-/// Where another backend was named for such volumes.
-pub fn backend_for<'a>(scene: &LoadedScene, name: &'a str) -> Result<&'a str> {
-    if !fallback::is_paged(scene) {
-        return Ok(name);
-    }
-    match name {
-        "auto" | "cpu" => Ok("cpu"),
-        named => Err(SessionError::Caller(format!(
-            "memory limit: {named} needs whole volumes in memory; only the backend cpu draws from disk"
-        ))),
-    }
-}
-
 /// Makes the renderer that `name` asks for: `auto`, `cpu`, or a Vulkan backend, which may name its device: `vulkan-rt:0`. A device
 /// is opened only when the first scene is set.
 ///

@@ -21,7 +21,7 @@ use pumice_core::{CompressedVolume, Job};
 use pumice_scene::{Scene, SceneEdit};
 use pumice_transport::{LoadedEdit, LoadedScene, Pick, RenderError, Renderer};
 
-use crate::backend::{FallbackRenderer, backend_for, make_renderer};
+use crate::backend::{FallbackRenderer, make_renderer};
 use crate::error::{Result, SessionError};
 use crate::progressive::Stop;
 use crate::render_file::PageFigures;
@@ -189,9 +189,8 @@ impl Live {
     /// Starts to draw `scene`. Returns at once.
     ///
     /// # Errors
-    /// When there is no such backend, it was named for volumes that it cannot draw from disk, or the thread cannot be started.
+    /// When there is no such backend, or the thread cannot be started.
     pub fn start(scene: LoadedScene, options: LiveOptions) -> Result<Self> {
-        backend_for(&scene, &options.backend)?;
         Self::draw(scene, make_renderer(&options.backend)?, options.stop, options.denoise)
     }
 

@@ -33,7 +33,7 @@ use pumice_transport::LoadedScene;
 use refusals::check_options;
 
 use crate::annotations::lay_out;
-use crate::backend::{backend_for, make_renderer};
+use crate::backend::make_renderer;
 use crate::denoise::{DenoiserName, Filter};
 use crate::error::{Result, SessionError};
 use crate::measure::Stopwatch;
@@ -97,7 +97,6 @@ impl Ready {
             scene.save(path).map_err(|source| SessionError::Scene { path: path.clone(), source })?;
         }
         let scene = LoadedScene::new(scene, volumes, meshes)?;
-        let backend = backend_for(&scene, &backend)?.to_owned();
         Ok(Self { format, passes, scene, stop, backend, annotations, denoise, notices, opening_seconds })
     }
 }

@@ -28,10 +28,10 @@ def folder(pumice, tmp_path_factory):
     return folder
 
 
-def drawn(pumice, folder, *flags, source="fast.pumice", out="a.exr"):
+def drawn(pumice, folder, *flags, source="fast.pumice", out="a.exr", backend="cpu"):
     """The planes of a picture and the report."""
     report = folder / "report.json"
-    run(pumice, *RENDER, folder / source, *flags, "-o", folder / out, "--json", report).fine()
+    run(pumice, "render", "--backend", backend, *RENDER[3:], folder / source, *flags, "-o", folder / out, "--json", report).fine()
     return planes(folder / out), json.loads(report.read_text())
 
 
@@ -111,6 +111,24 @@ def test_levels_labels_and_cuts_are_drawn_from_disk_too(pumice, folder):
     for flags in (["--lod", "4"], ["--lod", "16"], ["--labels", "5,7,9"], ["--cut", "x=0.5"], ["--query", "voxels > 1000", "--mode", "ao"]):
         whole, _ = drawn(pumice, folder, *flags)
         assert same(whole, drawn(pumice, folder, *flags, "--memory-limit", "1G")[0]), flags
+
+
+def test_a_graphics_processor_holds_pages(pumice, folder):
+    """With all passes; where little fits, pages come again. What does not suffice says what would."""
+    everything = {"backend": "vulkan-compute", "source": "default.pumice"}
+    whole, report = drawn(pumice, folder, "--passes", "all", **everything)
+    assert report["backend"] == "vulkan-compute" and "pages" not in report
+    paged, report = drawn(pumice, folder, "--passes", "all", "--memory-limit", "1G", **everything)
+    assert report["backend"] == "vulkan-compute" and same(whole, paged)
+    assert 10 < report["pages"]["loads"] <= report["pages"]["pages"] == 24
+    limit = report["pages"]["most_bytes"] * 3 // 4
+    paged, report = drawn(pumice, folder, "--passes", "all", "--memory-limit", str(limit), **everything)
+    assert same(whole, paged) and report["pages"]["most_bytes"] <= limit and report["pages"]["loads"] > 24, report["pages"]
+    assert not same(whole, drawn(pumice, folder, "--passes", "all", "--seed", "1", "--memory-limit", "1G", **everything)[0])
+    few = ["--memory-limit", "100K", "-o", folder / "no.exr"]
+    line = run(pumice, "render", "--backend", "vulkan-compute", *RENDER[3:], folder / "fast.pumice", *few).refused()
+    assert re.search(r"memory limit: 102400 bytes are too few, \d+ are needed", line), line
+    assert not (folder / "no.exr").exists()
 
 
 @pytest.mark.parametrize("value", ["0", "NaN", "-1", "1.5G", "much"])

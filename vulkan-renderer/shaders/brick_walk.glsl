@@ -143,6 +143,9 @@ Found first_of_walk(BrickWalk walk, InstanceRef instance, IndexRay ray, uint lar
             uint place = place_in(walk.corner, walk.shift);
             if (walk.shift == BRICK_SHIFT) {
                 there = bit64(block.occupied, place);
+                if (there && !is_here(instance, block)) {
+                    return found_nothing();
+                }
                 if (there) {
                     number = block_brick(block, place);
                     brick = brick_at(instance, number);

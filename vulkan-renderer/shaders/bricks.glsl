@@ -3,7 +3,7 @@
 #define BRICKS_GLSL
 
 #include "volume.glsl"
-#include "needs.glsl"
+#include "pages.glsl"
 
 const uint BLOCK_SHIFT = 6u;
 const uint BRICK_SHIFT = 4u;

@@ -17,6 +17,10 @@ void first_of_pixel(uvec2 in_tile) {
     RayInWorld ray = camera_ray(scene.it.camera, f64_add(f64_from_u32(pixel.x), F64_HALF),
         f64_add(f64_from_u32(pixel.y), F64_HALF), t_max);
     Hit hit = scene_ask(scene, ray, no_surface(), t_max, false, NONE, NONE, false);
+    if (lacks_a_page()) {
+        count_for_pages(launch.page_requests, PAGES_LACKED, 1u);
+        return;
+    }
     DVec3 position = dvec3_add(ray.origin, dvec3_scale(ray.direction, hit.t));
     // Distance from the camera along the view axis.
     hit.t = f64_add(hit.t, f64_from_bits(scene.it.camera.clip[0]));

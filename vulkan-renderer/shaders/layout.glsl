@@ -19,6 +19,8 @@ struct Launch {
     Address target;
     Address scratch;
     Address resting;
+    Address page_requests;
+    Address samples_done;
     uint tile_x;
     uint tile_y;
     uint tile_width;
@@ -30,6 +32,8 @@ struct Launch {
 };
 
 const uint SCRATCH_BYTES = 200u;
+
+const uint PAGE_COUNTS = 2u;
 
 struct CameraRecord {
     F64Bits position[3];
@@ -241,7 +245,7 @@ struct Chunk {
 struct BrickBlock {
     uint64_t occupied;
     uint first_brick;
-    uint reserved;
+    uint page;
 };
 
 // A brick of 16³ voxels: the masks of cells that hold a voxel and of full cells, and where the fields of the other cells and the parts
@@ -258,6 +262,13 @@ struct BrickPart {
     uint64_t cells;
     uint box_number;
     uint label;
+};
+
+// A box of a page.
+struct PagedBox {
+    uint64_t record;
+    uint label;
+    uint page;
 };
 
 struct Instance {
@@ -279,6 +290,7 @@ struct Instance {
     Address brick_fields;
     Address brick_parts;
     Address brick_corners;
+    Address page_marks;
     F64Bits translation[3];
     F64Bits adjugate[3][3];
     F64Bits determinant;
@@ -313,7 +325,7 @@ const uint LOD_BY_DISTANCE = 3u;
 const uint LOD_TRIANGLES = 4u;
 // The instance is a mesh that is a shadow catcher.
 const uint LOD_CATCHER = 5u;
-const uint64_t INSTANCE_BYTES = 448UL;
+const uint64_t INSTANCE_BYTES = 456UL;
 
 struct SurfaceRecord {
     uint instance;
@@ -428,6 +440,7 @@ layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Ins
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Chunks { Chunk at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer BrickBlocks { BrickBlock at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Bricks { Brick at[]; };
+layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer PagedBoxes { PagedBox at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer BrickParts { BrickPart at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer CutPlanes { CutPlane at[]; };
 layout(buffer_reference, scalar, buffer_reference_align = 8) readonly buffer Suns { Sun at[]; };

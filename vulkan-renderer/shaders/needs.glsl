@@ -43,5 +43,7 @@ layout(constant_id = 18) const uint NEEDS_BRICKS = 1u;
 layout(constant_id = 19) const uint NEEDS_BOXES = 1u;
 // There are so many lamps that a tree chooses among them.
 layout(constant_id = 20) const uint NEEDS_LAMP_TREE = 1u;
+// Some volume is drawn in pages, of which some are on the device.
+layout(constant_id = 21) const uint NEEDS_PAGES = 1u;
 
 #endif

@@ -90,6 +90,9 @@ void follow(SceneRef scene, PixelSampler points, RayInWorld ray, f64 t_max, floa
         bool any = (flight == FLIGHT_SHADOW && NEEDS_TRANSPARENT == 0u) || flight == FLIGHT_AMBIENT;
         bool among_catchers = NEEDS_CATCHER != 0u && film_sample.sink == SINK_ALONE;
         Hit hit = next_hit(scene, ray, left, t_max, any, among_catchers);
+        if (lacks_a_page()) {
+            return;
+        }
         if (flight == FLIGHT_AMBIENT) {
             film_sample_add_direct_light(film_sample, is_hit(hit) ? vec3(0.0) : vec3(1.0), 0u);
             return;
@@ -327,7 +330,7 @@ FilmSample sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
     // A second time among catchers, where one was met.
     for (uint round = 0u; round < (NEEDS_CATCHER == 0u ? 1u : 2u); round++) {
         follow(scene, points, ray, t_max, down, film_sample);
-        if (film_sample.sink != SINK_CAUGHT) {
+        if (lacks_a_page() || film_sample.sink != SINK_CAUGHT) {
             break;
         }
         film_sample.sink = SINK_NOTHING;
@@ -335,26 +338,37 @@ FilmSample sample_of_pixel(SceneRef scene, uvec2 pixel, uint number) {
     return film_sample;
 }
 
-// Adds the launch's samples to one pixel of its tile.
+// Adds the launch's samples to one pixel of its tile. With pages, a pixel begins where the launch before it came to, and ends before the
+// sample that lacks a page.
 void add_samples(uvec2 in_tile) {
     if (in_tile.x >= launch.tile_width || in_tile.y >= launch.tile_height) {
         return;
     }
     SceneRef scene = SceneRef(launch.scene);
     uvec2 pixel = uvec2(launch.tile_x, launch.tile_y) + in_tile;
-    if (launch.resting != 0UL) {
-        uint64_t place = uint64_t(pixel.y) * uint64_t(scene.it.film_width) + uint64_t(pixel.x);
-        if (Words(launch.resting + place * 4UL).at[0] != 0u) {
-            return;
-        }
+    uint64_t place = uint64_t(pixel.y) * uint64_t(scene.it.film_width) + uint64_t(pixel.x);
+    if (launch.resting != 0UL && Words(launch.resting + place * 4UL).at[0] != 0u) {
+        return;
     }
-    for (uint i = 0u; i < launch.samples; i++) {
-        uint number = launch.first_sample + i;
+    uint first = launch.first_sample, end = launch.first_sample + launch.samples;
+    if (NEEDS_PAGES != 0u) {
+        first = max(first, Words(launch.samples_done + place * 4UL).at[0]);
+    }
+    uint number = first;
+    for (; number < end; number++) {
         FilmSample film_sample = sample_of_pixel(scene, pixel, number);
+        if (lacks_a_page()) {
+            break;
+        }
         film_add(launch.target, scene.it.film_width, pixel, number, film_sample.total);
         if (NEEDS_SORTED != 0u && film_sample.kept != 0u) {
             film_sample_add_to(film_sample, launch.source, scene.it.film_width, pixel, number);
         }
+    }
+    if (NEEDS_PAGES != 0u) {
+        Words(launch.samples_done + place * 4UL).at[0] = number;
+        count_for_pages(launch.page_requests, PAGES_LACKED, number < end ? 1u : 0u);
+        count_for_pages(launch.page_requests, PAGES_SAMPLES, max(number, first) - first);
     }
 }
 

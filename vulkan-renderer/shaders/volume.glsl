@@ -3,6 +3,7 @@
 #define VOLUME_GLSL
 
 #include "node.glsl"
+#include "pages.glsl"
 #include "lod.glsl"
 
 struct BoxView {
@@ -38,8 +39,16 @@ struct BoxPlace {
 
 BoxPlace box_place(InstanceRef instance, uint index) {
     Chunks chunks = Chunks(instance.it.chunks);
-    uint c = chunk_of_box(chunks, instance.it.chunk_count, index);
-    uint64_t record = Longs(instance.it.boxes).at[index];
+    uint c;
+    uint64_t record;
+    if (is_paged(instance)) {
+        PagedBox paged = PagedBoxes(instance.it.boxes).at[index];
+        c = paged.page;
+        record = paged.record;
+    } else {
+        c = chunk_of_box(chunks, instance.it.chunk_count, index);
+        record = Longs(instance.it.boxes).at[index];
+    }
     uint high = uint(record >> 32);
     BoxPlace p;
     p.origin = uvec3(chunks.at[c].origin[0], chunks.at[c].origin[1], chunks.at[c].origin[2])
@@ -60,6 +69,9 @@ BoxView get_box(InstanceRef instance, uint index) {
 }
 
 uint label_of_box(InstanceRef instance, uint index) {
+    if (is_paged(instance)) {
+        return PagedBoxes(instance.it.boxes).at[index].label;
+    }
     return Words(instance.it.labels).at[index];
 }
 

@@ -199,7 +199,7 @@ uint brick_part(InstanceRef instance, uint brick, uvec3 voxel, uint only) {
 uint item_in_bricks(InstanceRef instance, uint label, uvec3 voxel) {
     BrickBlock block = block_at(instance, voxel);
     uint place = place_in(voxel, BRICK_SHIFT), cell = place_in(voxel, CELL_SHIFT);
-    if (!bit64(block.occupied, place)) {
+    if (!bit64(block.occupied, place) || !is_here(instance, block)) {
         return NONE;
     }
     uint number = block_brick(block, place);
@@ -331,17 +331,19 @@ Search nearest(InstanceRef instance, IndexRay ray, uint leaving, f64 start, f64 
         // Searches the nearest even where any hit suffices: for a ray that starts within a label, what is at its start decides.
         search.seek = SEEK_NEAREST;
     }
-    bool by_hierarchy = true;
 #ifdef FRONT_BVH
-    if (by_bricks) {
+    bool by_walk = by_bricks;
+#else
+    // Hardware has no hierarchy over pages, which come and go.
+    bool by_walk = by_bricks && is_paged(instance);
+#endif
+    if (by_walk) {
         uint brick;
         Found found = first_voxel(instance, ray, start, t_max, brick);
         found_in_brick(search, found, brick);
-        by_hierarchy = false;
     }
-#endif
     BvhRay moved;
-    if (by_hierarchy && bvh_ray(instance, ray, start, t_max, moved, search.enter_all)) {
+    if (!by_walk && bvh_ray(instance, ray, start, t_max, moved, search.enter_all)) {
         search.pad = moved.pad;
         if (is_mesh(instance)) {
             start_in_grid(search);

@@ -40,6 +40,8 @@ pub(crate) struct Film {
     /// Which pixels rest (have converged): one word a pixel, the samples that it has, or 0 where it does not rest. `None` where no pixel
     /// rests.
     pub(crate) resting: Option<Buffer>,
+    /// Samples that each pixel has been given, where volumes are drawn in pages, once a launch asked for it.
+    samples_done: Option<Buffer>,
     /// Samples of every pixel that does not rest.
     pub(crate) spp: u32,
     /// The unfinished pass: its target in samples a pixel, and how far it has come.
@@ -71,6 +73,7 @@ impl Film {
             sums,
             pass_sums,
             resting: None,
+            samples_done: None,
             size,
             spp: 0,
             pass: None,
@@ -83,7 +86,7 @@ impl Film {
 
     /// Creates the same film on another device, with the samples of the host's copy.
     pub(crate) fn again(&mut self, gpu: &Gpu) -> Result<(), DeviceError> {
-        self.resolver = None;
+        (self.resolver, self.samples_done) = (None, None);
         if self.copied.0 == 0 {
             self.copy.clear();
             self.copied = (0, None);
@@ -106,7 +109,7 @@ impl Film {
     pub(crate) fn clear(&mut self, gpu: &Gpu, rule: Option<Adaptive>) -> Result<(), UploadError> {
         self.copy.rest_by(rule).map_err(RenderError::from)?;
         gpu.clear(&self.sums)?;
-        self.pass_sums.iter().try_for_each(|sums| gpu.clear(sums))?;
+        self.pass_sums.iter().chain(&self.samples_done).try_for_each(|sums| gpu.clear(sums))?;
         (self.spp, self.pass, self.resting) = (0, None, None);
         (self.copied, self.since_copied) = ((0, None), Duration::ZERO);
         Ok(())
@@ -137,6 +140,20 @@ impl Film {
             _ => None,
         };
         Ok(())
+    }
+
+    /// The samples that each pixel has been given, in launches with pages since the film was cleared: one word a pixel, at most those of the
+    /// unfinished pass.
+    pub(crate) fn samples_done(&mut self, gpu: &Gpu) -> Result<u64, DeviceError> {
+        let buffer = match self.samples_done.take() {
+            Some(made) => made,
+            None => {
+                let made = gpu.buffer("the samples of pixels", 4 * self.copy.pixels() as u64)?;
+                gpu.clear(&made)?;
+                made
+            }
+        };
+        Ok(self.samples_done.insert(buffer).address())
     }
 
     /// A launch of samples took so long.
@@ -267,7 +284,13 @@ impl Film {
 
     /// Bytes on the device.
     pub(crate) fn bytes(&self) -> u64 {
-        let more = self.pass_sums.iter().chain(&self.resting).map(Buffer::bytes).sum::<u64>();
+        let more = self
+            .pass_sums
+            .iter()
+            .chain(&self.resting)
+            .chain(&self.samples_done)
+            .map(Buffer::bytes)
+            .sum::<u64>();
         self.sums.bytes() + more + self.resolver.as_ref().map_or(0, Resolver::bytes)
     }
 }

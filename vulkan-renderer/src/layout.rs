@@ -35,6 +35,10 @@ pub struct Launch {
     /// `path`: one word a pixel of the film, the samples with which it rests (has converged), or 0 where it does not rest; 0 where no pixel
     /// rests.
     pub resting: Address,
+    /// `path`, `first`, where volumes are drawn in pages: [`PAGE_COUNTS`] words, then the marks of pages; else 0.
+    pub page_requests: Address,
+    /// `path`, with such volumes: one word a pixel of the film, the number of samples that it has been given.
+    pub samples_done: Address,
     /// `path`, `first`, `denoise`, `resolve`: left edge of the tile in pixels of the film; in strips for [`ResolveStep::SquaredErrors`].
     pub tile_x: u32,
     /// Upper edge.
@@ -53,6 +57,9 @@ pub struct Launch {
     /// [`ResolveStep`].
     pub wanted: u32,
 }
+
+/// Words before the marks of pages: pixels that lacked a page, and samples that were added.
+pub const PAGE_COUNTS: usize = 2;
 
 /// Bytes of scratch memory for each ray of a launch of the ray tracing pipeline. It holds the search state that ray generation and
 /// intersection shader share.
@@ -398,10 +405,10 @@ pub struct Chunk {
 pub struct BrickBlock {
     /// One bit for each of its bricks, set where the brick holds a voxel.
     pub occupied: u64,
-    /// Number of the first of these bricks.
+    /// Number of the first of these bricks; [`NONE`] where they are in a page that is not on the device.
     pub first_brick: u32,
-    /// 0.
-    pub reserved: u32,
+    /// Number of that page among the volume's pages; 0 where there are none.
+    pub page: u32,
 }
 
 /// Twin of `Brick` of `pumice_transport::geometry::Bricks`.
@@ -428,6 +435,18 @@ pub struct BrickPart {
     pub box_number: u32,
     /// Dense label of the box.
     pub label: u32,
+}
+
+/// A box of a page.
+#[derive(Clone, Copy, Debug, Default, PartialEq, Eq, Pod, Zeroable)]
+#[repr(C)]
+pub struct PagedBox {
+    /// The record as compressed.
+    pub record: u64,
+    /// Dense label.
+    pub label: u32,
+    /// Number of its page, which has the number of a chunk in the instance's list.
+    pub page: u32,
 }
 
 /// Twin of `VolumeTracer` with its `Placement`: what is drawn of a volume, and its placement in the world.
@@ -470,6 +489,10 @@ pub struct Instance {
     pub brick_parts: Address,
     /// Lowest voxel of each brick, three words each, where hardware finds bricks; else 0.
     pub brick_corners: Address,
+    /// One bit for each page of the volume, set where a ray asked for it; 0 where the whole volume is on the device. With pages, `boxes`,
+    /// `nodes`, `bricks`, `brick_fields` and `brick_parts` are the memory that all pages share, `boxes` are [`PagedBox`]es, and `chunks`
+    /// has one entry for each page.
+    pub page_marks: Address,
     /// World position of the origin of index space.
     pub translation: [f64; 3],
     /// Rows of the adjugate, times the determinant's sign.
@@ -510,7 +533,7 @@ pub struct Instance {
     pub reserved: u32,
 }
 
-const _: () = assert!(size_of::<Instance>() == 448, "INSTANCE_BYTES of layout.glsl");
+const _: () = assert!(size_of::<Instance>() == 456, "INSTANCE_BYTES of layout.glsl");
 
 /// Twin of `CutPlane`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Pod, Zeroable)]

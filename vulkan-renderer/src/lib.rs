@@ -14,6 +14,7 @@ mod film;
 pub mod layout;
 mod machine;
 pub mod pack;
+mod pages;
 pub mod program;
 mod renderer;
 pub mod resolve;

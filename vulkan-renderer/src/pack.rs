@@ -5,6 +5,7 @@
 //! CompressedVolume ──► PackedNodes      nodes and leaves as compressed, of the wanted labels        changes when a label is first shown
 //!                  └─► PackedBoxes      boxes of drawn labels, in Morton order, with their levels   changes with visibility and LOD
 //!      PackedBoxes └─► PackedBricks     the same voxels, all labels together                        changes with visibility and LOD
+//! DrawnPages       ──► PackedPage       boxes, nodes and bricks of a page of a volume on disk    changes with visibility and LOD
 //! MeshData         ──► PackedMesh       vertices and triangles                                      changes with the mesh
 //! MaterialTable    ──► PackedMaterials  materials, and the material of each label                   changes with colours
 //! Emitters         ──► PackedEmitters   emissive surfaces and their light tree                      changes with emission and placements
@@ -24,6 +25,7 @@ mod material_table;
 mod meshes;
 mod needs;
 mod nodes;
+mod page;
 mod scene;
 
 pub use boxes::{PackedBoxes, place};
@@ -33,6 +35,7 @@ pub use emitters::PackedEmitters;
 pub use light_tree::lamp_tree;
 pub use material_table::PackedMaterials;
 pub use meshes::{PackedMesh, place_mesh};
-pub use needs::{LEAVES_OUT, ShaderNeeds};
+pub use needs::{CONSTANTS, LEAVES_OUT, ShaderNeeds};
 pub use nodes::PackedNodes;
+pub use page::{MOST_PAGE_BYTES, PAGE_ALIGNMENT, PackedPage};
 pub use scene::{PackedSky, camera, instance_tree, lamps, lights, settings, suns};

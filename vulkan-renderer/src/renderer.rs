@@ -11,6 +11,7 @@ use std::time::{Duration, Instant};
 use pumice_core::Job;
 use pumice_picture::film::CLASSES;
 use pumice_picture::{Image, Picture, film_memory};
+use pumice_transport::geometry::drawn_pages::SAMPLES_A_PASS_OF_PAGES;
 use pumice_transport::{LoadedScene, Pick, Progress, ReadImage, Rebuilt, RenderError, Renderer, SeenSurface};
 
 use crate::device::{Backend, Candidate, DeviceError, Gpu, Instance};
@@ -176,11 +177,15 @@ impl VulkanRenderer {
             if spp >= spp_limit || all_rest {
                 break;
             }
-            let left = end.map_or(f64::INFINITY, |end| end.saturating_duration_since(start).as_secs_f64());
-            let fit = if self.seconds_a_sample > 0.0 { (left / self.seconds_a_sample) as u32 } else { 1 };
+            let seconds_left =
+                end.map_or(f64::INFINITY, |end| end.saturating_duration_since(start).as_secs_f64());
+            let fit =
+                if self.seconds_a_sample > 0.0 { (seconds_left / self.seconds_a_sample) as u32 } else { 1 };
             let most = MOST_SAMPLES_A_PASS.min(self.machine.slices.most_samples());
-            let most = most.min(spp_limit.min(look) - spp);
-            self.pass(spp + fit.clamp(1, most), job)?;
+            let again = self.shown.as_ref().is_some_and(Shown::loads_pages_again);
+            let least = if again { SAMPLES_A_PASS_OF_PAGES } else { 1 };
+            let left = spp_limit.min(look) - spp;
+            self.pass(spp + fit.clamp(1, most).max(least).min(left), job)?;
             let now = Instant::now();
             let added = self.spp()?.saturating_sub(spp).max(1);
             self.seconds_a_sample = (now - start).as_secs_f64() / f64::from(added);
@@ -214,10 +219,6 @@ impl Renderer for VulkanRenderer {
     }
 
     fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
-        if scene.volumes().iter().any(|volume| volume.pages().is_some()) {
-            let what = "memory limit: a graphics processor needs whole volumes in memory";
-            return Err(RenderError::Scene(what.into()));
-        }
         loop {
             let (machine, former, counters) = (&mut self.machine, &mut self.shown, &mut self.counters);
             match Shown::new(machine, former, scene, self.read_image, counters) {

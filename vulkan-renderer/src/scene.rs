@@ -19,6 +19,7 @@ use std::sync::Arc;
 use glam::DAffine3;
 use pumice_core::{CompressedVolume, MeshData, NoMemory};
 use pumice_transport::camera_rays::CameraRays;
+use pumice_transport::geometry::drawn_pages::refused;
 use pumice_transport::geometry::{Contacts, Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
 use pumice_transport::{BoxBounds, Bvh, Emitters, FilterTable, Lights, MaterialTable, RenderError};
 
@@ -27,6 +28,7 @@ use crate::layout;
 use crate::pack::{
     self, PackedBoxes, PackedBricks, PackedEmitters, PackedMaterials, PackedMesh, PackedNodes, PackedSky,
 };
+use crate::pages::{PagedVolume, ScenePages};
 
 /// Why a part could not be put on the device.
 #[derive(Debug)]
@@ -67,7 +69,7 @@ impl Nodes {
         let packed = PackedNodes::new(volume, wanted);
         let words = packed.packed(volume).map_err(RenderError::from)?;
         let nodes = gpu.buffer_of("the nodes of a volume", bytemuck::cast_slice(&words))?;
-        let leaves = PackedNodes::leaves(volume).map_err(RenderError::from)?;
+        let leaves = PackedNodes::leaves(volume.leaves().iter()).map_err(RenderError::from)?;
         let leaves = gpu.buffer_of("the leaves of a volume", &leaves)?;
         Ok(Self { volume: Arc::clone(volume), packed, nodes, leaves })
     }
@@ -103,6 +105,23 @@ pub(crate) struct Drawn<'a> {
 /// What is drawn of a volume, for one instance of the scene.
 #[derive(Debug)]
 pub(crate) struct Boxes {
+    content: Content,
+    /// The instance's record; placement, materials and their addresses are 0, and those of pages.
+    record: layout::Instance,
+}
+
+/// Where the boxes of a volume are.
+#[derive(Debug)]
+enum Content {
+    /// All of them on the device.
+    Whole(WholeBoxes),
+    /// Some on the device, in pages; `None` where nothing is drawn.
+    Paged(Option<Arc<PagedVolume>>),
+}
+
+/// The boxes that are drawn of a volume.
+#[derive(Debug)]
+struct WholeBoxes {
     nodes: Arc<Nodes>,
     chunks: Buffer,
     boxes: Buffer,
@@ -115,8 +134,6 @@ pub(crate) struct Boxes {
     acceleration: Option<Acceleration>,
     /// Neighbouring boxes, where voxels have smooth normals.
     neighbors: Option<Buffer>,
-    /// The instance's record; placement, materials and their addresses are 0.
-    record: layout::Instance,
 }
 
 impl Boxes {
@@ -165,16 +182,51 @@ impl Boxes {
             false => None,
         };
         record.neighbors = neighbors.as_ref().map_or(0, Buffer::address);
-        Ok(Self { nodes, chunks, boxes, labels, bricks, bvh, acceleration, neighbors, record })
+        let whole = WholeBoxes { nodes, chunks, boxes, labels, bricks, bvh, acceleration, neighbors };
+        Ok(Self { content: Content::Whole(whole), record })
+    }
+
+    /// The pages of a volume on disk; those that `former` draws alike are those of `former`.
+    pub(crate) fn in_pages(gpu: &Gpu, what: &Drawn<'_>, former: Option<&Self>) -> Result<Self, UploadError> {
+        let &Drawn { volume, visible, lod, smooth, hidden_too, .. } = what;
+        if smooth {
+            return Err(refused("smooth shading of voxels (smooth_voxels)").into());
+        }
+        if hidden_too {
+            return Err(refused("a measurement of hidden labels").into());
+        }
+        let former = former.and_then(|f| f.paged()).map(Arc::as_ref);
+        let (paged, record) = PagedVolume::new(gpu, volume, visible, lod, former)?;
+        Ok(Self { content: Content::Paged(paged.map(Arc::new)), record })
     }
 
     /// Whether rays traverse bricks.
     pub(crate) fn has_bricks(&self) -> bool {
-        self.bricks.is_some()
+        match &self.content {
+            Content::Whole(whole) => whole.bricks.is_some(),
+            Content::Paged(paged) => paged.is_some(),
+        }
     }
 
-    pub(crate) fn nodes(&self) -> &Arc<Nodes> {
-        &self.nodes
+    /// Whether rays traverse boxes.
+    pub(crate) fn has_boxes(&self) -> bool {
+        matches!(&self.content, Content::Whole(whole) if whole.bricks.is_none())
+    }
+
+    /// What is drawn in pages, if anything is.
+    pub(crate) fn paged(&self) -> Option<&Arc<PagedVolume>> {
+        match &self.content {
+            Content::Whole(_) => None,
+            Content::Paged(paged) => paged.as_ref(),
+        }
+    }
+
+    /// Nodes of a volume that is on the device as a whole.
+    pub(crate) fn nodes(&self) -> Option<&Arc<Nodes>> {
+        match &self.content {
+            Content::Whole(whole) => Some(&whole.nodes),
+            Content::Paged(_) => None,
+        }
     }
 }
 
@@ -364,8 +416,11 @@ pub(crate) struct InstanceOnDevice {
 }
 
 impl InstanceOnDevice {
-    fn record(&self) -> layout::Instance {
+    fn record(&self, pages: Option<&ScenePages>) -> layout::Instance {
         let mut record = self.boxes.record;
+        if let (Some(pages), Some(volume)) = (pages, self.boxes.paged()) {
+            pages.describe(volume, &mut record);
+        }
         pack::place(&mut record, &self.placement, self.lod);
         record.cut_planes = self.cuts.planes.as_ref().map_or(0, Buffer::address);
         record.cut_plane_count = self.cuts.cuts.planes().len() as u32;
@@ -514,17 +569,18 @@ pub(crate) struct SceneOnDevice {
 }
 
 impl SceneOnDevice {
-    /// Uploads the list of instances and the header of these parts.
+    /// Uploads the list of instances and the header of these parts; `pages` are those of its volumes that are drawn in pages.
     pub(crate) fn new(
         gpu: &Gpu,
         tables: &Buffer,
         parts: SceneParts,
+        pages: Option<&ScenePages>,
         rays: &CameraRays,
         settings: layout::Settings,
     ) -> Result<Self, DeviceError> {
         let SceneParts { instances, meshes, sky, emitters, filter, tree, contacts } = &parts;
         let of_meshes = meshes.iter().map(MeshOnDevice::record);
-        let mut list: Vec<_> = instances.iter().map(InstanceOnDevice::record).chain(of_meshes).collect();
+        let mut list: Vec<_> = instances.iter().map(|i| i.record(pages)).chain(of_meshes).collect();
         for (record, number) in list.iter_mut().zip(0..) {
             record.body = contacts.as_ref().and_then(|c| c.body(number)).unwrap_or(number);
         }
@@ -564,17 +620,25 @@ impl SceneOnDevice {
         let (mut nodes, mut leaves, mut boxes, mut labels, mut hierarchy, mut materials) = (0, 0, 0, 0, 0, 0);
         let mut bricks = 0;
         for i in &self.parts.instances {
-            if first(Arc::as_ptr(&i.boxes).cast()) {
-                boxes += i.boxes.boxes.bytes() + i.boxes.chunks.bytes();
-                boxes += i.boxes.neighbors.as_ref().map_or(0, Buffer::bytes);
-                labels += i.boxes.labels.bytes();
-                bricks += i.boxes.bricks.as_ref().map_or(0, BricksOnDevice::bytes);
-                hierarchy += i.boxes.acceleration.as_ref().map_or(0, Acceleration::bytes)
-                    + i.boxes.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
+            let is_first = first(Arc::as_ptr(&i.boxes).cast());
+            if let (Content::Whole(whole), true) = (&i.boxes.content, is_first) {
+                boxes += whole.boxes.bytes() + whole.chunks.bytes();
+                boxes += whole.neighbors.as_ref().map_or(0, Buffer::bytes);
+                labels += whole.labels.bytes();
+                bricks += whole.bricks.as_ref().map_or(0, BricksOnDevice::bytes);
+                hierarchy += whole.acceleration.as_ref().map_or(0, Acceleration::bytes)
+                    + whole.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
             }
-            if first(Arc::as_ptr(&i.boxes.nodes).cast()) {
-                let [n, l] = i.boxes.nodes.bytes();
+            if let Some(of) = i.boxes.nodes()
+                && first(Arc::as_ptr(of).cast())
+            {
+                let [n, l] = of.bytes();
                 (nodes, leaves) = (nodes + n, leaves + l);
+            }
+            if let Some(paged) = i.boxes.paged()
+                && first(Arc::as_ptr(paged).cast())
+            {
+                leaves += paged.leaf_bytes();
             }
             if first(Arc::as_ptr(&i.materials).cast()) {
                 materials += i.materials.bytes();

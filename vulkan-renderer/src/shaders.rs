@@ -3,7 +3,7 @@
 use std::time::Duration;
 
 use crate::device::{Backend, DeviceError, Executable, Gpu, RayShaders};
-use crate::pack::ShaderNeeds;
+use crate::pack::{CONSTANTS, ShaderNeeds};
 use crate::program::{Code, Program};
 
 /// An entry point that can be launched.
@@ -17,7 +17,7 @@ pub enum Entry {
 
 impl Entry {
     /// Specialisation constants of the entry for a scene that needs `needs`.
-    pub(crate) fn constants(self, needs: ShaderNeeds) -> [u32; 21] {
+    pub(crate) fn constants(self, needs: ShaderNeeds) -> [u32; CONSTANTS] {
         match self {
             Self::Path => needs.constants(),
             Self::First => needs.of_surfaces().constants(),

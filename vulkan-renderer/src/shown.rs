@@ -27,6 +27,7 @@ use crate::film::Film;
 use crate::layout::{HitRecord, Launch, NONE, SurfaceAovsRecord, SurfaceRecord};
 use crate::machine::DeviceContext;
 use crate::pack::{self, ShaderNeeds};
+use crate::pages::{PagedVolume, ScenePages};
 use crate::scene::{
     Boxes, CutsOnDevice, Drawn, EmittersOnDevice, FilterOnDevice, InstanceOnDevice, MaterialsOnDevice,
     MeshOnDevice, Nodes, SceneOnDevice, SceneParts, SkyOnDevice, TreeOnDevice, Triangles, UploadError,
@@ -40,6 +41,8 @@ use crate::slices::{Cursor, Tile};
 pub(crate) struct Shown {
     scene: LoadedScene,
     on_device: SceneOnDevice,
+    /// Pages of volumes on disk, where there are any.
+    pages: Option<ScenePages>,
     pub(crate) film: Film,
     needs: ShaderNeeds,
     /// Memory for denoising with the scene's guides, once it was asked for.
@@ -65,15 +68,18 @@ impl Shown {
     ) -> Result<Self, UploadError> {
         let mut counted = *counters;
         let plan = ScenePlan::between(former.as_ref().map(|o| &o.scene), scene);
-        let on_device =
-            Making::new(machine, scene, former.as_ref(), &mut counted).scene(&plan, read_image)?;
+        let parts = Making::new(machine, scene, former.as_ref(), &mut counted).parts(&plan, read_image)?;
+        // (From here on only the device can fail, and then the former scene is given up.)
+        let pages = scene_pages(machine, &parts, former.as_mut().map(|f| &mut f.pages))?;
+        let on_device = scene_on_device(machine, scene, parts, pages.as_ref())?;
         let parts = &on_device.parts;
         let s = scene.scene();
         let needs = ShaderNeeds {
             parts: scene.needs().parts(),
             instance_tree: parts.tree.is_some(),
             bricks: parts.instances.iter().any(|i| i.boxes.has_bricks()),
-            boxes: parts.instances.iter().any(|i| !i.boxes.has_bricks()),
+            boxes: parts.instances.iter().any(|i| i.boxes.has_boxes()),
+            pages: pages.is_some(),
         };
         let film = match former.take_if(|_| plan.sums == Reuse::Keep) {
             Some(Self { mut film, .. }) => {
@@ -95,7 +101,7 @@ impl Shown {
         *counters = counted;
         machine.slices.be_careful();
         machine.slices_of_firsts.be_careful();
-        Ok(Self { scene: scene.clone(), on_device, film, needs, denoiser: None })
+        Ok(Self { scene: scene.clone(), on_device, pages, film, needs, denoiser: None })
     }
 
     /// Puts the same scene and samples on another device.
@@ -105,13 +111,15 @@ impl Shown {
         read_image: ReadImage,
         counters: &mut Counters,
     ) -> Result<Self, UploadError> {
-        let Self { scene, mut film, needs, on_device, denoiser } = self;
+        let Self { scene, mut film, needs, on_device, pages, denoiser } = self;
         // They are of the lost device. Free them before as much is allocated again.
-        drop((on_device, denoiser));
+        drop((on_device, pages, denoiser));
         let plan = ScenePlan::between(None, &scene);
-        let on_device = Making::new(machine, &scene, None, counters).scene(&plan, read_image)?;
+        let parts = Making::new(machine, &scene, None, counters).parts(&plan, read_image)?;
+        let pages = scene_pages(machine, &parts, None)?;
+        let on_device = scene_on_device(machine, &scene, parts, pages.as_ref())?;
         film.again(&machine.gpu)?;
-        Ok(Self { scene, on_device, film, needs, denoiser: None })
+        Ok(Self { scene, on_device, pages, film, needs, denoiser: None })
     }
 
     /// Runs one launch of the unfinished pass, or of a new pass that brings every pixel to `target` samples. Returns true when the pass is
@@ -121,8 +129,8 @@ impl Shown {
         machine: &mut DeviceContext,
         target: u32,
         job: &Job,
-    ) -> Result<bool, DeviceError> {
-        let film = &mut self.film;
+    ) -> Result<bool, UploadError> {
+        let (gpu, film) = (machine.gpu.clone(), &mut self.film);
         let (target, at) = *film.pass.get_or_insert((target, Cursor::default()));
         let samples = target - film.spp;
         let Some((tile, after)) = machine.slices.next(film.size, at, samples) else {
@@ -139,7 +147,18 @@ impl Shown {
             ..tile.launch()
         };
         let program = machine.program(Entry::Path, &Entry::Path.constants(self.needs))?;
-        let taken = program.run("a launch of samples", &launch, [tile.width, tile.height])?;
+        let during = "a launch of samples";
+        let taken = match &mut self.pages {
+            None => program.run(during, &launch, [tile.width, tile.height])?,
+            Some(pages) => {
+                let launch = Launch { samples_done: film.samples_done(&gpu)?, ..launch };
+                let run = |part: &Tile, page_requests: u64| {
+                    let launch = Launch { page_requests, ..part.of(&launch) };
+                    Ok(program.run(during, &launch, [part.width, part.height])?)
+                };
+                pages.draw(&gpu, &tile, run, |_, _| Ok(()))?
+            }
+        };
         machine.slices.learn(tile.pixels(), samples, taken.as_secs_f64());
         film.add_time(taken);
         job.advance(tile.pixels() * u64::from(samples));
@@ -152,25 +171,28 @@ impl Shown {
 
     /// The first surface through the centre of a pixel of the film.
     pub(crate) fn pick(
-        &self,
+        &mut self,
         machine: &mut DeviceContext,
         x: u32,
         y: u32,
-    ) -> Result<Option<Pick>, DeviceError> {
+    ) -> Result<Option<Pick>, UploadError> {
         let [width, height] = self.film.size;
         if x >= width || y >= height {
             return Ok(None);
         }
         let mut hit = [HitRecord::zeroed()];
         let tile = Tile { x, y, width: 1, height: 1 };
-        self.first(machine, &tile, 1, bytemuck::cast_slice_mut(&mut hit))?;
+        let gpu = machine.gpu.clone();
+        self.first(machine, &tile, 1, size_of::<HitRecord>(), |_, records| {
+            Ok(gpu.download(&records, 0, bytemuck::cast_slice_mut(&mut hit))?)
+        })?;
         let [HitRecord { t: depth, surface: s, .. }] = hit;
         Ok(label_of(&s).map(|label| Pick { instance: s.instance, label, voxel: s.voxel, depth }))
     }
 
     /// The first surfaces under the centres of all pixels; incomplete if the job is cancelled.
     pub(crate) fn seen_surfaces(
-        &self,
+        &mut self,
         machine: &mut DeviceContext,
         job: &Job,
     ) -> Result<Vec<Option<SeenSurface>>, UploadError> {
@@ -222,7 +244,7 @@ impl Shown {
 
     /// What `of` finds in the record of the first surface of each pixel, row by row from the top; incomplete if the job is cancelled.
     fn firsts<R: bytemuck::Pod, T: Clone>(
-        &self,
+        &mut self,
         machine: &mut DeviceContext,
         wanted: u32,
         job: &Job,
@@ -233,50 +255,51 @@ impl Shown {
         let memory = RenderError::from;
         let none = repeat_n(of(&R::zeroed()), pixels);
         let mut firsts = collected(pixels, none, PICTURE).map_err(memory)?;
-        let mut at = Cursor::default();
+        let (gpu, mut at) = (machine.gpu.clone(), Cursor::default());
         while let Some((tile, after)) = machine.slices_of_firsts.next([width, height], at, 1) {
             if job.is_cancelled() {
                 break;
             }
-            let mut records: Vec<R> = zeroed(tile.pixels() as usize, PICTURE).map_err(memory)?;
-            let taken = self.first(machine, &tile, wanted, bytemuck::cast_slice_mut(&mut records))?;
+            let taken = self.first(machine, &tile, wanted, size_of::<R>(), |part, found| {
+                let mut records: Vec<R> = zeroed(part.pixels() as usize, PICTURE).map_err(memory)?;
+                gpu.download(&found, 0, bytemuck::cast_slice_mut(&mut records))?;
+                for (row, y) in records.chunks(part.width as usize).zip(part.y..) {
+                    let place = y as usize * width as usize + part.x as usize;
+                    firsts[place..][..row.len()].iter_mut().zip(row).for_each(|(to, from)| *to = of(from));
+                }
+                Ok(())
+            })?;
             machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
-            for (row, y) in records.chunks(tile.width as usize).zip(tile.y..) {
-                let place = y as usize * width as usize + tile.x as usize;
-                firsts[place..][..row.len()].iter_mut().zip(row).for_each(|(to, from)| *to = of(from));
-            }
             at = after;
         }
         Ok(firsts)
     }
 
-    /// Computes the first surfaces of a tile, and returns how long the launch took.
+    /// Computes the first surfaces of a tile and hands them to `complete`, in memory of the device: of the whole tile, or of its parts where
+    /// the pages for it do not fit. A record has `record_bytes`. Returns how long the launches took.
     fn first(
-        &self,
+        &mut self,
         machine: &mut DeviceContext,
         tile: &Tile,
         wanted: u32,
-        records: &mut [u8],
-    ) -> Result<Duration, DeviceError> {
-        let (output, taken) = self.first_on_device(machine, tile, wanted, records.len() as u64)?;
-        machine.gpu.download(&output, 0, records)?;
-        Ok(taken)
-    }
-
-    /// The first surfaces of a tile in memory of so many bytes, and how long the launch took.
-    fn first_on_device(
-        &self,
-        machine: &mut DeviceContext,
-        tile: &Tile,
-        wanted: u32,
-        bytes: u64,
-    ) -> Result<(Buffer, Duration), DeviceError> {
-        let output = machine.gpu.buffer("first surfaces", bytes)?;
-        let launch =
-            Launch { scene: self.on_device.address(), output: output.address(), wanted, ..tile.launch() };
+        record_bytes: usize,
+        mut complete: impl FnMut(&Tile, Buffer) -> Result<(), UploadError>,
+    ) -> Result<Duration, UploadError> {
+        let (gpu, scene) = (machine.gpu.clone(), self.on_device.address());
         let program = machine.program(Entry::First, &Entry::First.constants(self.needs))?;
-        let taken = program.run("first surfaces", &launch, [tile.width, tile.height])?;
-        Ok((output, taken))
+        let mut run = |part: &Tile, page_requests: u64| {
+            let output = gpu.buffer("first surfaces", part.pixels() * record_bytes as u64)?;
+            let launch = Launch { scene, output: output.address(), page_requests, wanted, ..part.launch() };
+            let taken = program.run("first surfaces", &launch, [part.width, part.height])?;
+            Ok::<_, UploadError>((output, taken))
+        };
+        match &mut self.pages {
+            None => {
+                let (found, taken) = run(tile, 0)?;
+                complete(tile, found).map(|()| taken)
+            }
+            Some(pages) => pages.draw(&gpu, tile, run, |part, (found, _)| complete(part, found)),
+        }
     }
 
     /// The picture so far, denoised on the device. The guides are made once for a scene.
@@ -310,18 +333,28 @@ impl Shown {
     }
 
     /// Memory for denoising, with the guides of this scene.
-    fn guided(&self, machine: &mut DeviceContext) -> Result<PictureDenoiser, DeviceError> {
+    fn guided(&mut self, machine: &mut DeviceContext) -> Result<PictureDenoiser, UploadError> {
         let size = self.film.size;
         let denoiser = PictureDenoiser::new(&machine.gpu, size)?;
         let mut at = Cursor::default();
         while let Some((tile, after)) = machine.slices_of_firsts.next(size, at, 1) {
-            let bytes = tile.pixels() * size_of::<SurfaceAovsRecord>() as u64;
-            let (surfaces, taken) = self.first_on_device(machine, &tile, 0, bytes)?;
+            let mut found = Vec::new();
+            let taken = self.first(machine, &tile, 0, size_of::<SurfaceAovsRecord>(), |part, surfaces| {
+                found.push((*part, surfaces));
+                Ok(())
+            })?;
             machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
-            denoiser.guide(machine.denoiser()?, &surfaces, &tile)?;
+            for (part, surfaces) in found {
+                denoiser.guide(machine.denoiser()?, &surfaces, &part)?;
+            }
             at = after;
         }
         Ok(denoiser)
+    }
+
+    /// Whether pages were loaded again: then a pass adds several samples, which share the loads.
+    pub(crate) fn loads_pages_again(&self) -> bool {
+        self.pages.as_ref().is_some_and(ScenePages::loads_again)
     }
 
     /// Frees the memory for denoising, which can be made again.
@@ -339,9 +372,38 @@ impl Shown {
     pub(crate) fn bytes(&self) -> Vec<(&'static str, u64)> {
         let mut bytes = self.on_device.bytes().to_vec();
         bytes.push(("film", self.film.bytes()));
+        bytes.extend(self.pages.as_ref().map(|pages| ("pages", pages.bytes())));
         bytes.extend(self.denoiser.as_ref().map(|denoiser| ("denoiser", denoiser.bytes())));
         bytes
     }
+}
+
+/// The pages of the volumes of a scene that are drawn in pages.
+fn scene_pages(
+    machine: &DeviceContext,
+    parts: &SceneParts,
+    former: Option<&mut Option<ScenePages>>,
+) -> Result<Option<ScenePages>, UploadError> {
+    let mut volumes: Vec<Arc<PagedVolume>> = Vec::new();
+    for volume in parts.instances.iter().filter_map(|i| i.boxes.paged()) {
+        if !volumes.iter().any(|known| Arc::ptr_eq(known, volume)) {
+            volumes.push(Arc::clone(volume));
+        }
+    }
+    ScenePages::new(&machine.gpu, &volumes, former)
+}
+
+/// The parts with the header through which shaders find them.
+fn scene_on_device(
+    machine: &DeviceContext,
+    scene: &LoadedScene,
+    parts: SceneParts,
+    pages: Option<&ScenePages>,
+) -> Result<SceneOnDevice, DeviceError> {
+    let scene = scene.scene();
+    let rays = CameraRays::new(&scene.camera, &scene.film);
+    let settings = pack::settings(&scene.settings, sums_of(scene));
+    SceneOnDevice::new(&machine.gpu, &machine.tables, parts, pages, &rays, settings)
 }
 
 /// The label of a surface, if there is one and it has a label.
@@ -371,7 +433,7 @@ impl<'a> Making<'a> {
         Self { machine, new, old: old.map(|o| &o.on_device.parts), lod, wanted, counters }
     }
 
-    fn scene(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneOnDevice, UploadError> {
+    fn parts(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneParts, UploadError> {
         let (gpu, scene) = (&self.machine.gpu, self.new.scene());
         let sky = match self.old {
             Some(old) if plan.lights == Reuse::Keep => Arc::clone(&old.sky),
@@ -416,12 +478,8 @@ impl<'a> Making<'a> {
             }
         };
         self.counters.sent.header += 1;
-        let rays = CameraRays::new(&scene.camera, &scene.film);
-        let settings = pack::settings(&scene.settings, sums_of(scene));
-        let tables = &self.machine.tables;
         let contacts = Contacts::new(self.new);
-        let parts = SceneParts { instances, meshes, sky, emitters, filter, tree, contacts };
-        Ok(SceneOnDevice::new(gpu, tables, parts, &rays, settings)?)
+        Ok(SceneParts { instances, meshes, sky, emitters, filter, tree, contacts })
     }
 
     /// Whether instances may share a hierarchy. Not in a ray tracing pipeline, whose intersection shader identifies the instance by the
@@ -475,19 +533,7 @@ impl<'a> Making<'a> {
                 self.counters.rebuilt.acceleration += 1;
                 self.counters.sent.boxes += 1;
                 let visible = self.new.visible(place);
-                // The nodes of this volume may be on the device already, with all wanted labels.
-                let here = plan.former.and_then(former).into_iter().chain(before).map(|i| i.boxes.nodes());
                 let hidden_too = self.wanted.has(Part::HiddenLabels);
-                let all = vec![true; visible.len()];
-                let wanted = if hidden_too { &all } else { &visible };
-                let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(wanted)).map(Arc::clone);
-                let nodes = match known {
-                    Some(nodes) => nodes,
-                    None => {
-                        self.counters.sent.nodes += 1;
-                        Arc::new(Nodes::new(gpu, volume, wanted)?)
-                    }
-                };
                 let drawn = Drawn {
                     place: place as u32,
                     volume,
@@ -496,7 +542,24 @@ impl<'a> Making<'a> {
                     smooth: scene.settings.smooth_voxels,
                     hidden_too,
                 };
-                Arc::new(Boxes::new(gpu, &drawn, nodes)?)
+                let before_edit = plan.former.and_then(former);
+                if volume.pages().is_some() {
+                    Arc::new(Boxes::in_pages(gpu, &drawn, before_edit.map(|i| i.boxes.as_ref()))?)
+                } else {
+                    // The nodes of this volume may be on the device already, with all wanted labels.
+                    let here = before_edit.into_iter().chain(before).filter_map(|i| i.boxes.nodes());
+                    let all = vec![true; visible.len()];
+                    let wanted = if hidden_too { &all } else { &visible };
+                    let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(wanted)).map(Arc::clone);
+                    let nodes = match known {
+                        Some(nodes) => nodes,
+                        None => {
+                            self.counters.sent.nodes += 1;
+                            Arc::new(Nodes::new(gpu, volume, wanted)?)
+                        }
+                    };
+                    Arc::new(Boxes::new(gpu, &drawn, nodes)?)
+                }
             }
         };
 
@@ -565,6 +628,11 @@ fn emitters_of(
     for (place, (instance, volume)) in instances.iter().zip(scene.volumes()).enumerate() {
         if !instance.materials.table.is_emissive() {
             continue;
+        }
+        if volume.pages().is_some() {
+            return Err(RenderError::Scene(format!(
+                "memory limit: instances[{place}] emits light, which needs the whole volume in memory: leave the limit out"
+            )));
         }
         let visible = scene.visible(place);
         let (mut drawn, mut number) = (Vec::new(), 0);

@@ -46,13 +46,23 @@ pub(crate) struct Tile {
 impl Tile {
     /// A launch over the tile.
     pub(crate) fn launch(&self) -> Launch {
-        Launch {
-            tile_x: self.x,
-            tile_y: self.y,
-            tile_width: self.width,
-            tile_height: self.height,
-            ..Launch::default()
+        self.of(&Launch::default())
+    }
+
+    /// The same launch over this tile.
+    pub(crate) fn of(&self, launch: &Launch) -> Launch {
+        Launch { tile_x: self.x, tile_y: self.y, tile_width: self.width, tile_height: self.height, ..*launch }
+    }
+
+    /// Its two halves, divided across the longer side; the second is empty where there is one pixel.
+    pub(crate) fn halves(&self) -> [Self; 2] {
+        let Self { x, y, width, height } = *self;
+        if width > height {
+            let left = width.div_ceil(2);
+            return [Self { width: left, ..*self }, Self { x: x + left, width: width - left, ..*self }];
         }
+        let upper = height.div_ceil(2);
+        [Self { height: upper, ..*self }, Self { y: y + upper, height: height - upper, ..*self }]
     }
 
     /// Number of pixels.

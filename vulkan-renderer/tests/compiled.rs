@@ -35,7 +35,7 @@ fn needs(scene: &str) -> ShaderNeeds {
         _ => PartSet::ALL,
     };
     let all = scene == "all";
-    ShaderNeeds { parts, instance_tree: all, bricks: true, boxes: all }
+    ShaderNeeds { parts, instance_tree: all, bricks: true, boxes: all, pages: all }
 }
 
 /// Compiles one pipeline for the first device that tells statistics, and prints them.

@@ -20,8 +20,8 @@ use pumice_vulkan::layout::{
     Brick, BrickBlock, BrickPart, Camera, Chunk, Cone, CutPlane, Denoise, DenoiseStep, EmissiveInstance,
     EmissiveTriangle, Emitter, Emitters, Environment, Filter, Guide, HitRecord, Instance, InstanceTree,
     LOD_BY_DISTANCE, LOD_CATCHER, LOD_TRIANGLES, Lamp, Launch, LightNode, LightTree, Lights, Material, NONE,
-    PixelLight, Question, RayRecord, Resolve, ResolveStep, SCRATCH_BYTES, SceneHeader, Settings, Sun,
-    SurfaceAovsRecord, SurfaceRecord,
+    PAGE_COUNTS, PagedBox, PixelLight, Question, RayRecord, Resolve, ResolveStep, SCRATCH_BYTES, SceneHeader,
+    Settings, Sun, SurfaceAovsRecord, SurfaceRecord,
 };
 use pumice_vulkan::pack::ShaderNeeds;
 use reflection::{Field, Layout, constants_read, layouts};
@@ -94,6 +94,8 @@ fn twins() -> Vec<Layout> {
                 output as "target",
                 scratch,
                 resting,
+                page_requests,
+                samples_done,
                 tile_x,
                 tile_y,
                 tile_width,
@@ -282,9 +284,10 @@ fn twins() -> Vec<Layout> {
             }
         ),
         twin!("Chunk", Chunk { node_base, leaves, origin, first_box }),
-        twin!("BrickBlock", BrickBlock { occupied, first_brick, reserved }),
+        twin!("BrickBlock", BrickBlock { occupied, first_brick, page }),
         twin!("Brick", Brick { occupied, full, first_field, first_part }),
         twin!("BrickPart", BrickPart { cells, box_number, label }),
+        twin!("PagedBox", PagedBox { record, label, page }),
         twin!(
             "Instance",
             Instance {
@@ -306,6 +309,7 @@ fn twins() -> Vec<Layout> {
                 brick_fields,
                 brick_parts,
                 brick_corners,
+                page_marks,
                 translation,
                 adjugate,
                 determinant,
@@ -454,6 +458,7 @@ fn constants_are_the_shaders() {
     let expected = [
         ("NONE", u64::from(NONE)),
         ("SCRATCH_BYTES", SCRATCH_BYTES),
+        ("PAGE_COUNTS", PAGE_COUNTS as u64),
         ("LOD_BY_DISTANCE", u64::from(LOD_BY_DISTANCE)),
         ("LOD_TRIANGLES", u64::from(LOD_TRIANGLES)),
         ("LOD_CATCHER", u64::from(LOD_CATCHER)),
@@ -478,7 +483,8 @@ fn constants_are_the_shaders() {
 #[test]
 fn first_surfaces_read_no_needs_of_light() {
     const CATCHERS: u32 = 16;
-    let all = ShaderNeeds { parts: PartSet::ALL, instance_tree: true, bricks: true, boxes: true };
+    let all =
+        ShaderNeeds { parts: PartSet::ALL, instance_tree: true, bricks: true, boxes: true, pages: true };
     let kept = |n: &u32| *n == CATCHERS || all.of_surfaces().constants()[*n as usize] != 0;
     for (front, least) in [("first_bvh.comp", 7), ("first_query.comp", 7), ("first.rgen", 7), ("box.rint", 3)]
     {

@@ -28,6 +28,8 @@ mod floor;
 mod labels;
 #[path = "renderer/lost.rs"]
 mod lost;
+#[path = "renderer/pages.rs"]
+mod pages;
 #[path = "renderer/resolve.rs"]
 mod resolve;
 

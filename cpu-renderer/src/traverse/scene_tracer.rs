@@ -11,6 +11,7 @@ use std::sync::Arc;
 
 use glam::{DAffine3, DVec3};
 use pumice_core::CompressedVolume;
+use pumice_transport::geometry::drawn_pages::SAMPLES_A_PASS_OF_PAGES;
 use pumice_transport::geometry::instance_tree::{InstanceTree, WorldBounds};
 use pumice_transport::geometry::{Contacts, LodChoice};
 use pumice_transport::{Hit, PathOrigin, RayInWorld, RenderError, Surface, SurfaceKind, Tracer};
@@ -29,9 +30,6 @@ pub struct TracedInstance {
     /// Choice of the level of detail.
     pub lod: LodChoice,
 }
-
-/// Samples that a pass adds where pages are loaded again: loading them costs a pass a few samples' time, not each sample.
-const SAMPLES_A_PASS_OF_PAGES: u32 = 8;
 
 /// The geometry of a scene (see the module).
 #[derive(Debug)]

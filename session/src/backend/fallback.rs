@@ -7,8 +7,6 @@
 //! Only a device failure leads to the next way: a scene that cannot be drawn, a picture that cannot be read, or a cancelled job would
 //! be the same on any other. If there is only one way, its failure is the caller's error.
 //!
-//! Volumes that are drawn from disk are drawn by the processor: ways before it are passed over, with a notice, from the first such scene on.
-//!
 //! A way is opened only when the first scene is set: opening a graphics processor takes time, and a live client must not wait for it.
 
 use std::time::Duration;
@@ -134,22 +132,8 @@ impl FallbackRenderer {
         Ok(())
     }
 
-    /// Goes on with the processor, if it is one of the ways, for volumes that are drawn from disk.
-    fn pass_over(&mut self, scene: &LoadedScene) {
-        let cpu = self.ways.iter().position(|way| way.backend == "cpu");
-        let Some(cpu) = cpu.filter(|&cpu| cpu > self.place && is_paged(scene)) else { return };
-        self.collect_notices();
-        if let Some(former) = self.current.take() {
-            self.rebuilt_before = sum(self.rebuilt_before, former.rebuilt());
-        }
-        let says = self.ways[self.place].says("needs whole volumes in memory");
-        self.notices.push(format!("{says}; with a memory limit cpu draws"));
-        self.place = cpu;
-    }
-
     /// Shows a scene with the first way that does not fail.
     fn show(&mut self, scene: &LoadedScene) -> Result<(), RenderError> {
-        self.pass_over(scene);
         loop {
             match self.opened().and_then(|renderer| renderer.set_scene(scene)) {
                 Err(RenderError::Device(why)) => self.go_on(&why)?,
@@ -171,11 +155,6 @@ impl FallbackRenderer {
         let told = renderer.notices();
         self.notices.extend(told.iter().map(|line| way.says(line)));
     }
-}
-
-/// Whether a volume of the scene is drawn from disk.
-pub(crate) fn is_paged(scene: &LoadedScene) -> bool {
-    scene.volumes().iter().any(|volume| volume.pages().is_some())
 }
 
 fn sum(a: Rebuilt, b: Rebuilt) -> Rebuilt {

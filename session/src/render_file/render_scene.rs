@@ -10,7 +10,7 @@ use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
 use super::provenance::{hash_text, mesh_hash_text, sky_hash_text};
-use crate::backend::{FallbackRenderer, backend_for, make_renderer};
+use crate::backend::{FallbackRenderer, make_renderer};
 use crate::denoise::Filter;
 use crate::error::Result;
 use crate::measure::{Stopwatch, peak_rss_bytes};
@@ -205,7 +205,7 @@ pub fn render_and_denoise(
     watch: &mut dyn FnMut(&CurvePoint),
 ) -> Result<Rendered> {
     let (clock, pages_before) = (Stopwatch::start(), PageFigures::of(loaded.volumes()));
-    let mut renderer = make_renderer(backend_for(loaded, backend)?)?;
+    let mut renderer = make_renderer(backend)?;
     check_memory(&renderer, loaded)?;
     renderer.set_scene(loaded)?;
     let sky_hash = sky_hash_text(loaded.scene())?;

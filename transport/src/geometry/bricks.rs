@@ -26,7 +26,8 @@ use std::ops::Range;
 use std::sync::Arc;
 
 use crate::BoxBounds;
-use pumice_core::CompressedVolume;
+use pumice_core::reserve::reserved;
+use pumice_core::{CompressedVolume, NoMemory};
 
 use super::brick_fields::Fields;
 use super::each_axis;
@@ -289,6 +290,19 @@ impl Bricks {
     /// All bricks, and one entry after the last that marks where its fields and items end.
     pub fn bricks(&self) -> &[Brick] {
         &self.bricks
+    }
+
+    /// Lowest voxel of each brick.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn corners(&self) -> Result<Vec<[u32; 3]>, NoMemory> {
+        let mut corners = reserved(self.bricks.len() - 1, "the corners of bricks")?;
+        for (number, block) in (0u64..).zip(&self.blocks) {
+            let places = (0..64).filter(|&place| block.occupied >> place & 1 != 0);
+            corners.extend(places.map(|place| self.origin(number << PLACE_BITS | place)));
+        }
+        Ok(corners)
     }
 
     /// Voxel masks of the cells that are neither empty nor full.

@@ -4,6 +4,7 @@
 //! placement       where an instance is: world ↔ index space, exact for whole numbers
 //! bvh             a hierarchy over integer boxes, triangles or instances; instance_tree puts one over a whole scene
 //! bricks          all drawn labels of a volume in one sparse grid of 64-bit masks; label_of_box finds the label of what was hit
+//! drawn_pages     the same of a volume on disk, of which renderers keep some pages in memory
 //! contacts        where instances touch; cuts: planes of the parts that are cut away
 //! lod             the level of detail of each box
 //! visible_boxes   the boxes that are drawn; neighbors and voxel_normals give them smooth shading
@@ -15,6 +16,7 @@ pub mod bricks;
 pub mod bvh;
 pub mod contacts;
 pub mod cuts;
+pub mod drawn_pages;
 pub mod instance_tree;
 pub mod label_of_box;
 pub mod lod;
@@ -29,6 +31,7 @@ pub mod voxel_normals;
 pub use bricks::{BLOCK, BRICK, Block, Brick, Bricks};
 pub use contacts::Contacts;
 pub use cuts::{CutPlane, Cuts};
+pub use drawn_pages::{DrawnInPages, DrawnPage, DrawnPages};
 pub use instance_tree::{InstanceTree, WorldBounds};
 pub use lod::{ByDistance, Detail, DetailLevel, LodChoice};
 pub use mesh_grid::{MeshGrid, mesh_placement};

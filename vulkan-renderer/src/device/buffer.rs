@@ -284,6 +284,66 @@ impl Gpu {
     ) -> Result<(), DeviceError> {
         within(buffer, offset, bytes as u64)?;
         let length = bytes.min(STAGING_BYTES as usize);
+        self.fill_regions(
+            buffer,
+            &[vk::BufferCopy::default().dst_offset(offset).size(length as u64)],
+            length,
+            write,
+        )
+    }
+
+    /// Copies several pieces into a buffer, each from its offset on, in as few launches as the staging memory allows.
+    ///
+    /// # Errors
+    /// As [`Gpu::upload`].
+    pub fn upload_pieces(&self, buffer: &Buffer, pieces: &[(u64, &[u8])]) -> Result<(), DeviceError> {
+        let mut small = Vec::new();
+        for &(offset, bytes) in pieces {
+            within(buffer, offset, bytes.len() as u64)?;
+            let whole = bytes.chunks(STAGING_BYTES as usize).scan(offset, |at, piece| {
+                let here = *at;
+                *at += piece.len() as u64;
+                Some((here, piece))
+            });
+            small.extend(whole);
+        }
+        let mut rest = small.as_slice();
+        while !rest.is_empty() {
+            let mut length = 0;
+            let fit = rest.iter().take_while(|(_, piece)| {
+                length += piece.len() as u64;
+                length <= STAGING_BYTES
+            });
+            let (now, later) = rest.split_at(fit.count());
+            let (mut regions, mut at) = (Vec::with_capacity(now.len()), 0);
+            for &(offset, piece) in now {
+                let size = piece.len() as u64;
+                regions.push(vk::BufferCopy::default().src_offset(at).dst_offset(offset).size(size));
+                at += size;
+            }
+            self.fill_regions(buffer, &regions, at as usize, |staging| {
+                let mut staging = staging;
+                for (_, piece) in now {
+                    let (here, after) = staging.split_at_mut(piece.len());
+                    here.copy_from_slice(piece);
+                    staging = after;
+                }
+            })?;
+            rest = later;
+        }
+        Ok(())
+    }
+
+    /// Has `write` fill the first `length` bytes of the staging memory, which copies then take from there; all lie within it and within
+    /// the buffer.
+    fn fill_regions(
+        &self,
+        buffer: &Buffer,
+        regions: &[vk::BufferCopy],
+        length: usize,
+        write: impl FnOnce(&mut [u8]),
+    ) -> Result<(), DeviceError> {
+        let length = length.min(STAGING_BYTES as usize);
         if length == 0 {
             return Ok(());
         }
@@ -295,10 +355,9 @@ impl Gpu {
         // SAFETY: the mapped memory is `STAGING_BYTES` long, of plain bytes, nobody else uses it while the worker is locked, and
         // no launch is in flight. It may be uninitialised memory to Rust, but not to the system, which maps it readable.
         write(unsafe { std::slice::from_raw_parts_mut(pointer, length) });
-        let region = [vk::BufferCopy::default().dst_offset(offset).size(length as u64)];
         self.submit_with(&worker, "an upload", |inner, commands| {
-            // SAFETY: both buffers live until the launch has ended, and the region lies within both.
-            unsafe { inner.calls.cmd_copy_buffer(commands, source, buffer.handle(), &region) };
+            // SAFETY: both buffers live until the launch has ended, and the regions lie within both.
+            unsafe { inner.calls.cmd_copy_buffer(commands, source, buffer.handle(), regions) };
         })?;
         Ok(())
     }

@@ -246,6 +246,11 @@ impl Gpu {
         self.inner.backend
     }
 
+    /// Most bytes of one buffer.
+    pub fn most_buffer_bytes(&self) -> u64 {
+        self.inner.limits.allocation_bytes
+    }
+
     /// The Vulkan instance.
     pub fn instance(&self) -> &Instance {
         &self.inner.instance

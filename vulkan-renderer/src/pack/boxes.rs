@@ -79,7 +79,7 @@ impl PackedBoxes {
                     .unwrap_or(0);
                 packed.chunks.push(Chunk {
                     node_base: least,
-                    leaves: PackedNodes::leaves_of_chunk(volume, chunk),
+                    leaves: PackedNodes::leaves_before(volume.leaves()[..chunk].iter()),
                     origin: source.origin,
                     first_box: packed.boxes.len() as u32,
                 });

@@ -1,11 +1,11 @@
 //! Packs the drawn voxels of a volume as bricks. The form is the CPU's, but boxes have their numbers among the drawn boxes, and each has a
 //! part with its label and all its cells in the brick: threads that read them one after another wait for less.
 
-use pumice_core::reserve::{reserved, zeroed};
+use pumice_core::reserve::reserved;
 use pumice_core::{CompressedVolume, NoMemory};
 use pumice_transport::BoxBounds;
 use pumice_transport::geometry::bricks::for_each_cell;
-use pumice_transport::geometry::{BLOCK, BRICK, Bricks, DetailLevel, LodChoice};
+use pumice_transport::geometry::{BLOCK, Bricks, DetailLevel, LodChoice};
 
 use super::PackedBoxes;
 use super::boxes::aabbs_of;
@@ -61,24 +61,15 @@ impl PackedBricks {
         // Every part belongs to one of these items.
         let number_of = |item: u32| numbers[numbers.partition_point(|&(i, _)| i < item)].1;
         let blocks = made.blocks().iter();
-        let blocks =
-            blocks.map(|b| BrickBlock { occupied: b.occupied, first_brick: b.first_brick, reserved: 0 });
+        let blocks = blocks.map(|b| BrickBlock { occupied: b.occupied, first_brick: b.first_brick, page: 0 });
         let bricks = made.bricks().iter().map(|b| Brick {
             occupied: b.occupied,
             full: b.full,
             first_field: b.first_field,
             first_part: b.first_item,
         });
-        let corners = corners_of(&made, dims)?;
-        let mut parts = reserved(made.items().len(), BRICKS)?;
-        for (brick, &corner) in corners.iter().enumerate() {
-            parts.extend(made.items_of(brick).iter().map(|&item| {
-                let mut cells = 0;
-                for_each_cell(volume, item, corner, level, |c, _| cells |= 1 << c);
-                let label = made.label_of(volume, item);
-                BrickPart { cells, box_number: number_of(item), label }
-            }));
-        }
+        let corners = made.corners()?;
+        let parts = parts_of(volume, &made, &corners, number_of)?;
         Ok(Some(Self {
             blocks: listed(blocks)?,
             bricks: listed(bricks)?,
@@ -107,18 +98,22 @@ impl PackedBricks {
     }
 }
 
-/// Lowest voxel of each brick, in the bricks' order.
-fn corners_of(made: &Bricks, dims: [u32; 3]) -> Result<Vec<[u32; 3]>, NoMemory> {
-    let along = dims.map(|n| n.div_ceil(BLOCK));
-    let mut corners: Vec<[u32; 3]> = zeroed(made.bricks().len() - 1, BRICKS)?;
-    for (number, block) in (0u32..).zip(made.blocks()) {
-        let at = [number % along[0], number / along[0] % along[1], number / along[0] / along[1]];
-        let places = (0..64u32).filter(|&place| block.occupied >> place & 1 != 0);
-        for (place, corner) in places.zip(corners.iter_mut().skip(block.first_brick as usize)) {
-            *corner = [0, 1, 2].map(|a| BLOCK * at[a] + BRICK * (place >> (2 * a) & 3));
-        }
+/// The parts of bricks with these corners; `number_of` numbers the boxes, given the number of each in the volume.
+pub(super) fn parts_of(
+    volume: &CompressedVolume,
+    bricks: &Bricks,
+    corners: &[[u32; 3]],
+    number_of: impl Fn(u32) -> u32,
+) -> Result<Vec<BrickPart>, NoMemory> {
+    let mut parts = reserved(bricks.items().len(), BRICKS)?;
+    for (brick, &corner) in corners.iter().enumerate() {
+        parts.extend(bricks.items_of(brick).iter().map(|&item| {
+            let mut cells = 0;
+            for_each_cell(volume, item, corner, bricks.level(), |c, _| cells |= 1 << c);
+            BrickPart { cells, box_number: number_of(item), label: bricks.label_of(volume, item) }
+        }));
     }
-    Ok(corners)
+    Ok(parts)
 }
 
 /// A list of all these, whose memory is asked for first.

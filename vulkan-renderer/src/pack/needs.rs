@@ -26,6 +26,10 @@ const PARTS: [(usize, Part); 18] = [
 const INSTANCE_TREE: usize = 17;
 const BRICKS: usize = 18;
 const BOXES: usize = 19;
+const PAGES: usize = 21;
+
+/// Number of specialisation constants.
+pub const CONSTANTS: usize = 22;
 
 /// Parts that are left out on a device where a scene does not need them, in the compiled code or in memory.
 pub const LEAVES_OUT: PartSet = {
@@ -58,6 +62,8 @@ pub struct ShaderNeeds {
     pub bricks: bool,
     /// Some volume is drawn by boxes.
     pub boxes: bool,
+    /// Some volume is drawn in pages.
+    pub pages: bool,
 }
 
 impl ShaderNeeds {
@@ -68,14 +74,15 @@ impl ShaderNeeds {
     }
 
     /// Specialisation constants, indexed by their numbers.
-    pub fn constants(&self) -> [u32; 21] {
-        let mut constants = [0; 21];
+    pub fn constants(&self) -> [u32; CONSTANTS] {
+        let mut constants = [0; CONSTANTS];
         for (number, part) in PARTS {
             constants[number] = u32::from(self.parts.has(part));
         }
         constants[INSTANCE_TREE] = u32::from(self.instance_tree);
         constants[BRICKS] = u32::from(self.bricks);
         constants[BOXES] = u32::from(self.boxes);
+        constants[PAGES] = u32::from(self.pages);
         constants
     }
 }

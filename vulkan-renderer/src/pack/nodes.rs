@@ -21,7 +21,7 @@ pub struct PackedNodes {
 
 /// Zero words at the end. They serve as a node without voxels. Shaders also read past the end of a node here, because they read aligned
 /// 32-bit words; they never use these bits.
-const SPARE_WORDS: usize = 16;
+pub(super) const SPARE_WORDS: usize = 16;
 
 impl PackedNodes {
     /// Chooses the nodes of the labels for which `wanted` is true; labels past its end are not wanted.
@@ -94,10 +94,10 @@ impl PackedNodes {
     ///
     /// # Errors
     /// [`NoMemory`].
-    pub fn leaves(volume: &CompressedVolume) -> Result<Vec<u8>, NoMemory> {
-        let bytes = volume.leaves().iter().map(bytes_of_leaves).sum();
+    pub fn leaves<'a>(of_chunks: impl Iterator<Item = &'a Leaves> + Clone) -> Result<Vec<u8>, NoMemory> {
+        let bytes = of_chunks.clone().map(bytes_of_leaves).sum();
         let mut all: Vec<u8> = reserved(bytes, "the leaves of a volume for the device")?;
-        for leaves in volume.leaves() {
+        for leaves in of_chunks {
             let end = all.len() + bytes_of_leaves(leaves);
             let [slices, patterns, rare] = places_of_leaves(leaves);
             // There are at most 8192 slices and patterns, so 32 bits suffice.
@@ -114,9 +114,9 @@ impl PackedNodes {
         Ok(all)
     }
 
-    /// Byte offset of a chunk's leaves in [`PackedNodes::leaves`].
-    pub(super) fn leaves_of_chunk(volume: &CompressedVolume, chunk: usize) -> u64 {
-        volume.leaves()[..chunk].iter().map(|leaves| bytes_of_leaves(leaves) as u64).sum()
+    /// Byte offset in [`PackedNodes::leaves`] of what follows the leaves of these chunks.
+    pub fn leaves_before<'a>(of_chunks: impl Iterator<Item = &'a Leaves>) -> u64 {
+        of_chunks.map(|leaves| bytes_of_leaves(leaves) as u64).sum()
     }
 }
 

@@ -46,7 +46,8 @@ impl Uploaded {
             record.boxes = uploaded.put(gpu, &boxes.boxes);
             record.labels = uploaded.put(gpu, &boxes.labels);
             record.nodes = uploaded.put(gpu, &nodes.packed(&t.volume).expect("packed"));
-            record.leaves = uploaded.put(gpu, &PackedNodes::leaves(&t.volume).expect("packed"));
+            record.leaves =
+                uploaded.put(gpu, &PackedNodes::leaves(t.volume.leaves().iter()).expect("packed"));
             let bricks = match form {
                 Form::Boxes => None,
                 Form::Bricks => PackedBricks::new(&t.volume, &boxes, &t.visible, t.lod).expect("packed"),

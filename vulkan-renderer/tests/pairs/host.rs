@@ -33,6 +33,7 @@ pub(crate) const SHADERS_ALONE: &[(&str, &str)] = &[
     ("f64.glsl", "the CPU has the language's doubles"),
     ("trigonometry.glsl", "the CPU has the language's functions"),
     ("launch.glsl", "push constants"),
+    ("pages.glsl", "the CPU waits for a page in the middle of a ray"),
     ("front_bvh.glsl", FRONT),
     ("front_query.glsl", FRONT),
     ("front_pipeline.glsl", FRONT),
@@ -76,6 +77,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("transport/src/geometry/mesh_grid.rs", "corners and bounds: prepared before a ray is traced"),
     ("transport/src/scene_lights.rs", "lights are prepared before a ray is traced"),
     ("transport/src/geometry/visible_boxes.rs", READY),
+    ("transport/src/geometry/drawn_pages.rs", "what is in pages is prepared before a ray is traced"),
     ("transport/src/geometry/label_of_box.rs", IN_PARTS),
     ("transport/src/geometry/brick_fields.rs", IN_PARTS),
     ("cpu-renderer/src/traverse/volume_tracer/drawn_boxes.rs", READY),
@@ -128,7 +130,8 @@ const CARRIED: &str = "adds what a scene does not need, for measurements; on a d
 const COMPILED: &str = "whether a feature is needed: a specialisation constant of the shader";
 const KEPT: &str =
     "finds weights that the CPU has kept or computes together; a shader computes each where it is needed";
-const ON_DISK: &str = "volumes that are drawn from disk, which the processor alone does";
+const ON_DISK: &str =
+    "loads pages in the middle of a ray; on a device the host loads them between launches (pages.glsl)";
 const SHOWN: &str = "the host computes it from the sums, for both renderers";
 
 /// Functions that only the host computes.
@@ -423,6 +426,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("Bricks::empty", READY),
             ("Bricks::finish", READY),
             ("Bricks::origin", READY),
+            ("Bricks::corners", READY),
             ("Bricks::mark", READY),
             ("Bricks::copy", READY),
             ("Bricks::next_brick", READY),

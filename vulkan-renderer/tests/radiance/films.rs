@@ -115,7 +115,7 @@ fn films_with_doubles_in_integers_are_the_cpus() {
             .with_if(Part::LightSampling, case.around.lights.samples_lights())
             .with_if(Part::Lamps, !case.around.lights.lamps().is_empty())
             .with_if(Part::Meshes, !case.meshes.is_empty());
-        ShaderNeeds { parts, instance_tree: false, bricks: false, boxes: true }
+        ShaderNeeds { parts, instance_tree: false, bricks: false, boxes: true, pages: false }
     };
     let [even, distance] = [needs(&cases[0]), needs(&cases[1])];
     assert!(even.constants().iter().zip(distance.constants()).all(|(&e, d)| e <= d), "one program will do");
@@ -220,9 +220,9 @@ fn first_surfaces_are_alike_everywhere() {
 }
 
 /// What the first surfaces of the chosen scenes need.
-fn of_first_surfaces() -> [u32; 21] {
+fn of_first_surfaces() -> [u32; 22] {
     let parts = PartSet::NONE.with(Part::Meshes).with(Part::SmoothNormals);
-    ShaderNeeds { parts, instance_tree: false, bricks: true, boxes: true }.constants()
+    ShaderNeeds { parts, instance_tree: false, bricks: true, boxes: true, pages: false }.constants()
 }
 
 fn check_first_surfaces(fronts: &[Front]) {

@@ -4,10 +4,9 @@
 //! detail that depend on distance change with the camera from bricks to boxes and back, so there the hierarchy is kept.
 
 use pumice_core::{CompressedVolume, NoMemory};
+use pumice_transport::geometry::DrawnInPages;
 use pumice_transport::geometry::visible_boxes::{for_each_visible_box, visible_boxes, visible_items};
 use pumice_transport::{BoxBounds, Bvh, RenderError};
-
-use super::pages::Drawn;
 
 /// See the module.
 #[derive(Debug)]
@@ -54,7 +53,7 @@ impl DrawnBoxes {
     }
 
     /// So many boxes of visible labels, which are not in memory.
-    pub(super) fn elsewhere(visible: &[bool], drawn: &Drawn, is_tight: bool) -> Self {
+    pub(super) fn elsewhere(visible: &[bool], drawn: &DrawnInPages, is_tight: bool) -> Self {
         Self { labels: visible.into(), count: drawn.boxes, bounds: drawn.bounds, is_tight, hierarchy: None }
     }
 

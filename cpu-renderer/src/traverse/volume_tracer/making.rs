@@ -9,6 +9,7 @@ use pumice_scene::CutShape;
 use pumice_transport::geometry::LodChoice;
 use pumice_transport::geometry::bricks::Bricks;
 use pumice_transport::geometry::cuts::Cuts;
+use pumice_transport::geometry::drawn_pages::refused;
 use pumice_transport::geometry::instance_tree::WorldBounds;
 use pumice_transport::geometry::lod::{Detail, DetailLevel};
 use pumice_transport::geometry::neighbors::Neighbors;
@@ -18,7 +19,7 @@ use pumice_transport::{BoxBounds, RenderError};
 use super::super::TracedInstance;
 use super::VolumeTracer;
 use super::drawn_boxes::DrawnBoxes;
-use super::pages::{Former, PagedBricks, refused};
+use super::pages::{Former, PagedBricks};
 
 pub(super) fn normals(placement: &Placement) -> [[DVec3; 2]; 3] {
     [0, 1, 2].map(|a| [placement.normal(a, false), placement.normal(a, true)])

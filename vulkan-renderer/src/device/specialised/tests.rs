@@ -181,13 +181,13 @@ fn what_the_language_wants_stays() {
 fn broken_modules_stay() {
     let whole = path(Backend::Compute);
     for length in (0..300).chain((300..whole.len()).step_by(997)) {
-        assert_eq!(*specialised(&whole[..length], &[0; 21]), whole[..length], "{length} words");
+        assert_eq!(*specialised(&whole[..length], &[0; 22]), whole[..length], "{length} words");
     }
     for word in (0..whole.len()).step_by(4999) {
         let mut broken = whole.clone();
         for value in [0, 1, u32::MAX, 0x0001_0038, whole[word] ^ 0x0001_0000] {
             broken[word] = value;
-            let _ = specialised(&broken, &[0; 21]);
+            let _ = specialised(&broken, &[0; 22]);
         }
     }
 }
@@ -231,7 +231,7 @@ fn instructions(words: &[u32]) -> usize {
 fn a_plain_scene_needs_less_than_half_of_a_path() {
     for backend in [Backend::Compute, Backend::RayQuery, Backend::RayPipeline] {
         let path = path(backend);
-        let [all, none] = [1, 0].map(|needed| instructions(&specialised(&path, &[needed; 21])));
+        let [all, none] = [1, 0].map(|needed| instructions(&specialised(&path, &[needed; 22])));
         println!(
             "{backend}: {} instructions, {all} with every part, {none} without any",
             instructions(&path)
@@ -260,15 +260,15 @@ fn modules_are_valid_whatever_a_scene_needs() {
             instance.messages().take()
         };
         for (name, shader) in shaders(backend) {
-            let random: [[u32; 21]; 8] =
+            let random: [[u32; 22]; 8] =
                 std::array::from_fn(|set| std::array::from_fn(|i| u32::from(bits() >> i & 7 <= set as u32)));
-            for constants in random.into_iter().chain([[0; 21], [1; 21]]) {
+            for constants in random.into_iter().chain([[0; 22], [1; 22]]) {
                 let specialised = specialised(&shader, &constants);
                 assert!(matches!(specialised, Cow::Owned(_)), "{name} is understood");
                 assert_eq!(said(&shader, &constants), Vec::<String>::new(), "{name} with {constants:?}");
             }
         }
-        let mut broken = specialised(&path(backend), &[0; 21]).into_owned();
+        let mut broken = specialised(&path(backend), &[0; 22]).into_owned();
         let place = broken.iter().rposition(|word| *word == 2 << 16 | op::BRANCH).unwrap();
         broken[place + 1] += 1;
         assert_ne!(said(&broken, &[]), Vec::<String>::new(), "a branch to nowhere");
