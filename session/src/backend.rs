@@ -21,11 +21,10 @@ use machine::Trust;
 use pumice_core::open_input;
 use pumice_cpu::CpuRenderer;
 use pumice_picture::{Image, radiance_file};
-use pumice_transport::LoadedScene;
 use pumice_vulkan::device::{Backend, DeviceKind};
 use serde::Serialize;
 
-use crate::error::{Result, SessionError};
+use crate::error::Result;
 use crate::measure::processor_name;
 
 pub use cache_folder::CACHE_VARIABLE;

@@ -522,7 +522,8 @@ impl<'a> Making<'a> {
             }
         };
 
-        let source = match self.shares_hierarchies() {
+        // (Pages are found without a hierarchy.)
+        let source = match self.shares_hierarchies() || volume.pages().is_some() {
             true => plan.boxes(),
             false if plan.number == Reuse::Keep => plan.boxes().unshared(),
             false => Source::Built,

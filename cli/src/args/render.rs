@@ -119,7 +119,7 @@ pub(crate) struct Render {
     ///
     /// The picture is the same, bit by bit. The boxes of a .pumice file go to a temporary file in the folder of TMPDIR, and pages of it are
     /// loaded when rays meet them. The limit holds while rays are traced, for volumes and what is built for them; opening holds a chunk of
-    /// 1024³ voxels at a time. On the processor alone; docs/rendering-large-volumes.md
+    /// 1024³ voxels at a time. A graphics processor holds the pages itself, within the same limit; docs/rendering-large-volumes.md
     #[arg(long, value_name = "BYTES", value_parser = bytes, conflicts_with = "explain")]
     pub(crate) memory_limit: Option<u64>,
     /// Write a report in JSON to this file (- for standard output)
