@@ -15,6 +15,7 @@ use std::sync::{Mutex, OnceLock, PoisonError};
 use crate::cell::CELL;
 use crate::file;
 use crate::finish::{Budget, Known, bytes_without_limit, finish};
+use crate::freed_memory::{give_back, give_back_large_pieces};
 use crate::sorted_cells::SortedCells;
 use crate::store::{PartStore, StoredParts};
 use crate::volume::MAX_DIM;
@@ -187,8 +188,16 @@ fn parts_of(
     let store = store_for(info.dims, 1, options, folder);
     job.begin_share(expected, share);
     let threads = options.thread_count();
+    if let Some(limit_bytes) = options.memory_limit_bytes {
+        give_back_large_pieces(limit_bytes);
+    }
     let labelled = make_parts(source, expected, &store, threads, options.memory_limit_bytes, job)?;
-    Ok((info, store.into_parts()?, labelled))
+    let parts = store.into_parts()?;
+    if options.memory_limit_bytes.is_some() {
+        // The memory of records lies in the arenas of threads that have ended.
+        give_back();
+    }
+    Ok((info, parts, labelled))
 }
 
 /// An empty store for the parts of so many frames of a volume of `dims` voxels.
@@ -285,10 +294,16 @@ pub(crate) fn make_parts(
     let work = |block: LabelBlock| {
         let ragged = is_ragged(&block, dims);
         let (bytes, voxels) = (block_bytes(&block), voxels(&block));
-        let result = job.check().and_then(|()| SortedCells::from_block(&block, dims)).and_then(|part| {
+        let result = job.check().and_then(|()| {
+            let mut last: Option<SortedCells> = None;
+            let mut add = |part: SortedCells| {
+                labelled.fetch_add(part.voxels(), Relaxed);
+                store.add(part, ragged)
+            };
+            SortedCells::of_block(&block, dims, &mut |part| last.replace(part).map_or(Ok(()), &mut add))?;
+            // The store may merge parts: the block's own memory is free by then.
             drop(block);
-            labelled.fetch_add(part.voxels(), Relaxed);
-            store.add(part, ragged)
+            last.map_or(Ok(()), add)
         });
         queued_bytes.fetch_sub(bytes, Relaxed);
         match result {

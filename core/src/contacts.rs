@@ -40,6 +40,24 @@ impl Pairs {
         }
     }
 
+    /// Number of pairs.
+    pub(crate) fn len(&self) -> usize {
+        self.set.len()
+    }
+
+    /// Passes on all pairs, in no particular order; none stay.
+    ///
+    /// # Errors
+    /// [`NoMemory`], as [`Pairs::into_vec`]; those of `visit`.
+    pub(crate) fn pass_on(&mut self, visit: impl FnOnce(Vec<u64>) -> crate::Result<()>) -> crate::Result<()> {
+        if let Some(error) = self.no_memory.take() {
+            return Err(error.into());
+        }
+        self.recent = [0; 64];
+        let pairs = collected(self.set.len(), self.set.drain().map(|(pair, ())| pair), PAIRS)?;
+        visit(pairs)
+    }
+
     /// Adds the pair of two different dense indices.
     #[inline]
     pub(crate) fn add(&mut self, a: u32, b: u32) {

@@ -1,9 +1,10 @@
 //! A set of pairs of labels, in memory or, beyond a limit, in sorted runs on disk.
 //!
 //! ```text
-//! add ─► hash set ─ full ─► sorted run │ sorted run │ …      scratch file
+//! add ─► hash set ─ full ─► sorted run │ sorted run │ …      scratch file; eight runs of one level are merged to one of the next
 //!                 └────────────── merged, each pair once ─► packed contacts
 //! ```
+//! A run has a buffer while it is read, so their number is bounded by the merging.
 
 use std::cmp::Reverse;
 use std::collections::BinaryHeap;
@@ -17,18 +18,24 @@ use crate::spool::{Scratch, Spool};
 use crate::{Contacts, Result};
 
 /// Bytes that a pair takes at most: in a hash set that has just doubled, beside the half as large one that it replaces.
-const BYTES_A_PAIR: u64 = 32;
+pub(crate) const BYTES_A_PAIR: u64 = 32;
 
 /// Pairs that are in memory at least, so that runs are worth a read each.
 const LEAST_PAIRS: usize = 1 << 12;
+
+/// Runs of a level that are merged to one.
+const MERGED_RUNS: usize = 8;
+
+/// Bytes of a merged run that wait in memory.
+const RUN_BYTES: u64 = 1 << 16;
 
 /// Pairs `a << 32 | b` of dense label indices with a < b.
 pub(crate) struct PairSet<'a> {
     recent: FxHashMap<u64, ()>,
     /// Pairs in memory at most.
     most: usize,
-    /// Rising pairs of `u64`.
-    runs: Vec<Spool<'a>>,
+    /// Rising pairs of `u64`, by level: a run of the next one is merged from some of a level.
+    runs: Vec<Vec<Spool<'a>>>,
     scratch: &'a Scratch,
 }
 
@@ -67,7 +74,20 @@ impl<'a> PairSet<'a> {
         let pairs = self.take_recent()?;
         let mut run = Spool::new(self.scratch, 0);
         run.write(bytemuck::cast_slice(&pairs))?;
-        self.runs.push(run);
+        drop(pairs);
+        for level in 0.. {
+            if self.runs.len() <= level {
+                self.runs.resize_with(level + 1, Vec::new);
+            }
+            self.runs[level].push(run);
+            if self.runs[level].len() < MERGED_RUNS {
+                break;
+            }
+            run = Spool::new(self.scratch, RUN_BYTES);
+            let merged = std::mem::take(&mut self.runs[level]);
+            for_each_merged(&merged, |pair| run.write(bytemuck::bytes_of(&pair)))?;
+            run.release()?;
+        }
         Ok(())
     }
 
@@ -81,32 +101,37 @@ impl<'a> PairSet<'a> {
         }
         self.spill()?;
         let mut packer = ContactsPacker::new(labels);
-        let mut readers: Vec<_> = self.runs.iter().map(|run| (run.reader(), run.len() / 8)).collect();
-        // The next pair of each run that has one.
-        let mut heads = BinaryHeap::new();
-        let mut next = |run: usize, heads: &mut BinaryHeap<Reverse<(u64, usize)>>| -> Result<()> {
-            let (reader, left) = &mut readers[run];
-            if *left > 0 {
-                *left -= 1;
-                let mut bytes = [0; 8];
-                reader.read(&mut bytes)?;
-                heads.push(Reverse((u64::from_ne_bytes(bytes), run)));
-            }
-            Ok(())
-        };
-        for run in 0..self.runs.len() {
-            next(run, &mut heads)?;
-        }
-        let mut before = None;
-        while let Some(Reverse((pair, run))) = heads.pop() {
-            if before != Some(pair) {
-                packer.push(pair)?;
-                before = Some(pair);
-            }
-            next(run, &mut heads)?;
-        }
+        let runs: Vec<Spool<'_>> = self.runs.into_iter().flatten().collect();
+        for_each_merged(&runs, |pair| Ok(packer.push(pair)?))?;
         Ok(packer.finish()?)
     }
+}
+
+/// Calls `visit` with each pair of some runs, once and rising.
+fn for_each_merged(runs: &[Spool<'_>], mut visit: impl FnMut(u64) -> Result<()>) -> Result<()> {
+    let mut readers: Vec<_> = runs.iter().map(|run| (run.reader(), run.len() / 8)).collect();
+    // The next pair of each run that has one.
+    let mut heads = BinaryHeap::new();
+    let mut next = |run: usize, heads: &mut BinaryHeap<Reverse<(u64, usize)>>| -> Result<()> {
+        let (reader, left) = &mut readers[run];
+        if *left > 0 {
+            *left -= 1;
+            heads.push(Reverse((reader.value()?, run)));
+        }
+        Ok(())
+    };
+    for run in 0..runs.len() {
+        next(run, &mut heads)?;
+    }
+    let mut before = None;
+    while let Some(Reverse((pair, run))) = heads.pop() {
+        if before != Some(pair) {
+            visit(pair)?;
+            before = Some(pair);
+        }
+        next(run, &mut heads)?;
+    }
+    Ok(())
 }
 
 #[cfg(test)]
@@ -124,7 +149,7 @@ mod tests {
             (state >> 33) % below
         };
         // Pairs come several times, in any order, also in different runs.
-        let pairs: Vec<u64> = (0..40_000)
+        let pairs: Vec<u64> = (0..100_000)
             .map(|_| {
                 let a = random(labels - 1);
                 a << 32 | (a + 1 + random((labels - 1 - a).min(8)))
@@ -135,7 +160,9 @@ mod tests {
             all.add(some).unwrap();
             spilled.add(some).unwrap();
         }
-        assert!(all.runs.is_empty() && spilled.runs.len() > 3, "{}", spilled.runs.len());
+        // Some runs were merged, and some were not.
+        let runs: Vec<usize> = spilled.runs.iter().map(Vec::len).collect();
+        assert!(all.runs.is_empty() && runs.len() > 1 && runs[0] > 0, "{runs:?}");
         let expected = all.into_contacts(labels as u32).unwrap();
         assert!(expected.len() > 15_000);
         assert_eq!(spilled.into_contacts(labels as u32).unwrap(), expected);

@@ -7,6 +7,9 @@
 //!     else, while voxels remain: take the first one's label, compare all 64 with it, add one record
 //! group the records by label with a stable counting sort
 //! ```
+//! A block of many labels gives several parts, each of so many records at most: a cell may have a record for each of its 64 voxels, which is
+//! then forty times what the voxels take.
+//!
 //! Labels are looked up in a small direct-mapped cache, then in a hash map; an array by id is impossible, because ids may be any number up
 //! to 2⁶⁴.
 
@@ -81,7 +84,7 @@ fn record_each<T: Label, K: Label>(
     keys: &[K; 64],
     valid: u64,
     cell: u64,
-    records: &mut Records,
+    records: &mut Records<'_>,
 ) {
     let mut remaining = valid;
     while remaining != 0 {
@@ -92,8 +95,18 @@ fn record_each<T: Label, K: Label>(
     }
 }
 
+/// Most records of a part of a block, which take 36 bytes each while they are grouped: 4.5 MiB a thread. Most blocks have fewer: one of 4 M
+/// voxels has a record for each of its 65,536 cells, and some more at the borders of labels.
+const MOST_RECORDS: usize = 1 << 17;
+
+/// Takes the parts of a block.
+type Visit<'v> = &'v mut dyn FnMut(SortedCells) -> Result<()>;
+
 /// Records of a block, in the order of its cells; they are not grouped by label yet.
-struct Records {
+struct Records<'v> {
+    /// Most records before they are grouped, and what takes them then.
+    most: usize,
+    visit: Visit<'v>,
     ids: Vec<u64>,
     counts: Vec<usize>,
     index_of: FxHashMap<u64, u32>,
@@ -105,10 +118,12 @@ struct Records {
 /// Slots of the label cache: more labels than this seldom occur in one 64³ neighbourhood.
 const CACHE: usize = 256;
 
-impl Records {
-    fn new() -> Self {
+impl<'v> Records<'v> {
+    fn new(most: usize, visit: Visit<'v>) -> Self {
         // Id 0 is never looked up, so it marks an empty slot.
         Self {
+            most,
+            visit,
             ids: Vec::new(),
             counts: Vec::new(),
             index_of: FxHashMap::default(),
@@ -144,17 +159,31 @@ impl Records {
         index
     }
 
-    /// Groups the records by label, in rising order of ids; within a label the order of records stays.
-    fn into_part(self) -> SortedCells {
-        let mut order: Vec<u32> = (0..self.ids.len() as u32).collect();
-        order.sort_unstable_by_key(|&i| self.ids[i as usize]);
-        let mut next = vec![0; self.ids.len()];
+    /// Passes the records on if the next cell may give more than may wait.
+    #[inline(always)]
+    fn make_room(&mut self) -> Result<()> {
+        if self.cells.len().saturating_add(64) > self.most { self.pass_on() } else { Ok(()) }
+    }
+
+    /// Passes on the records as a part; none stay.
+    #[inline(never)]
+    fn pass_on(&mut self) -> Result<()> {
+        let part = self.take_part();
+        (self.visit)(part)
+    }
+
+    /// Groups the records by label, in rising order of ids; within a label the order of records stays. None stay.
+    fn take_part(&mut self) -> SortedCells {
+        let (ids, counts) = (std::mem::take(&mut self.ids), std::mem::take(&mut self.counts));
+        let mut order: Vec<u32> = (0..ids.len() as u32).collect();
+        order.sort_unstable_by_key(|&i| ids[i as usize]);
+        let mut next = vec![0; ids.len()];
         let mut offsets = Vec::with_capacity(order.len() + 1);
         let mut at = 0;
         offsets.push(0);
         for &i in &order {
             next[i as usize] = at;
-            at += self.counts[i as usize];
+            at += counts[i as usize];
             offsets.push(at);
         }
         let mut cells = vec![Cell { key: 0, mask: 0 }; self.cells.len()];
@@ -163,7 +192,11 @@ impl Records {
             cells[*to] = cell;
             *to += 1;
         }
-        SortedCells { ids: order.iter().map(|&i| self.ids[i as usize]).collect(), offsets, cells }
+        self.indices.clear();
+        self.cells.clear();
+        self.index_of.clear();
+        self.cache.fill((0, 0));
+        SortedCells { ids: order.iter().map(|&i| ids[i as usize]).collect(), offsets, cells }
     }
 }
 
@@ -173,13 +206,22 @@ impl SortedCells {
     /// # Errors
     /// [`Error::Caller`] when the block extends beyond the volume or beyond its own buffer.
     pub fn from_block(block: &LabelBlock, dims: [u32; 3]) -> Result<SortedCells> {
-        let LabelBlock { origin, dims: size, strides, .. } = *block;
-        match &block.labels {
-            LabelBuffer::U8(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
-            LabelBuffer::U16(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
-            LabelBuffer::U32(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
-            LabelBuffer::U64(labels) => Scan { origin, dims: size, strides, labels }.part(dims),
-        }
+        let mut whole = SortedCells::default();
+        let mut visit = |part| {
+            whole = part;
+            Ok(())
+        };
+        scan(block, dims, usize::MAX, &mut visit)?;
+        Ok(whole)
+    }
+
+    /// Converts one block to parts, each of so few records that their memory does not depend on the block; a part that is not the only one
+    /// may be empty.
+    ///
+    /// # Errors
+    /// As [`SortedCells::from_block`]; those of `visit`.
+    pub(crate) fn of_block(block: &LabelBlock, dims: [u32; 3], visit: Visit<'_>) -> Result<()> {
+        scan(block, dims, MOST_RECORDS, visit)
     }
 
     /// Like [`SortedCells::from_block`] for borrowed labels, whose strides have the meaning of [`LabelBlock::strides`].
@@ -188,7 +230,24 @@ impl SortedCells {
         (labels, strides): (&[u32], [usize; 3]),
         volume_dims: [u32; 3],
     ) -> Result<SortedCells> {
-        Scan { origin, dims, strides, labels }.part(volume_dims)
+        let mut whole = SortedCells::default();
+        let mut visit = |part| {
+            whole = part;
+            Ok(())
+        };
+        Scan { origin, dims, strides, labels }.parts(volume_dims, usize::MAX, &mut visit)?;
+        Ok(whole)
+    }
+}
+
+/// Passes on the parts of a block, each of at most `most` records.
+fn scan(block: &LabelBlock, volume_dims: [u32; 3], most: usize, visit: Visit<'_>) -> Result<()> {
+    let LabelBlock { origin, dims, strides, .. } = *block;
+    match &block.labels {
+        LabelBuffer::U8(labels) => Scan { origin, dims, strides, labels }.parts(volume_dims, most, visit),
+        LabelBuffer::U16(labels) => Scan { origin, dims, strides, labels }.parts(volume_dims, most, visit),
+        LabelBuffer::U32(labels) => Scan { origin, dims, strides, labels }.parts(volume_dims, most, visit),
+        LabelBuffer::U64(labels) => Scan { origin, dims, strides, labels }.parts(volume_dims, most, visit),
     }
 }
 
@@ -204,16 +263,16 @@ struct Scan<'a, T> {
 }
 
 impl<T: Label> Scan<'_, T> {
-    fn part(&self, volume_dims: [u32; 3]) -> Result<SortedCells> {
+    fn parts(&self, volume_dims: [u32; 3], most: usize, visit: Visit<'_>) -> Result<()> {
         self.check(volume_dims)?;
-        let mut records = Records::new();
+        let mut records = Records::new(most, visit);
         // A chunk that a store lacks is background throughout, and there may be millions of them.
         let is_background =
             self.strides == [0; 3] && self.labels.first().is_some_and(|&label| label.into() == 0);
         if !is_background {
-            self.run(&mut records);
+            self.run(&mut records)?;
         }
-        Ok(records.into_part())
+        records.pass_on()
     }
 
     /// Returns an error unless all voxels of the block are in the volume and in the buffer.
@@ -239,9 +298,9 @@ impl<T: Label> Scan<'_, T> {
         Ok(())
     }
 
-    fn run(&self, records: &mut Records) {
+    fn run(&self, records: &mut Records<'_>) -> Result<()> {
         if self.dims.contains(&0) {
-            return;
+            return Ok(());
         }
         let first = self.origin.map(|o| o / CELL);
         let last = [0, 1, 2].map(|a| (self.origin[a] + self.dims[a] - 1) / CELL);
@@ -250,24 +309,34 @@ impl<T: Label> Scan<'_, T> {
         while (0..3).any(|a| first[a] >> level != last[a] >> level) {
             level += 1;
         }
-        self.cube(level, first.map(|c| c >> level << level), first, last, records);
+        self.cube(level, first.map(|c| c >> level << level), first, last, records)
     }
 
     /// Visits the cells from `first` to `last` within the cube of side 2^`level` cells at `corner`, in Morton order.
-    fn cube(&self, level: u32, corner: [u32; 3], first: [u32; 3], last: [u32; 3], records: &mut Records) {
+    fn cube(
+        &self,
+        level: u32,
+        corner: [u32; 3],
+        first: [u32; 3],
+        last: [u32; 3],
+        records: &mut Records<'_>,
+    ) -> Result<()> {
         if level == 0 {
-            return self.cell(corner, records);
+            records.make_room()?;
+            self.cell(corner, records);
+            return Ok(());
         }
         if level == SPARSE_LEVEL && self.is_background(corner) {
-            return;
+            return Ok(());
         }
         let half = 1 << (level - 1);
         for child in 0..8u32 {
             let low = [0, 1, 2].map(|a| corner[a] + (child >> a & 1) * half);
             if (0..3).all(|a| low[a] <= last[a] && low[a] + (half - 1) >= first[a]) {
-                self.cube(level - 1, low, first, last, records);
+                self.cube(level - 1, low, first, last, records)?;
             }
         }
+        Ok(())
     }
 
     /// Whether a cube of [`SPARSE_LEVEL`] is background throughout; false where no axis has a stride of 1. In a cube within a label the first row
@@ -292,7 +361,7 @@ impl<T: Label> Scan<'_, T> {
 
     /// Reads one cell and records its labels.
     #[inline]
-    fn cell(&self, cell: [u32; 3], records: &mut Records) {
+    fn cell(&self, cell: [u32; 3], records: &mut Records<'_>) {
         let Self { origin, dims, strides, .. } = self;
         let low = cell.map(|c| c * CELL);
         let inside = (0..3).all(|a| low[a] >= origin[a] && low[a] - origin[a] + CELL <= dims[a]);

@@ -13,7 +13,7 @@ use std::sync::{Mutex, PoisonError};
 
 use bytemuck::Pod;
 
-use crate::reserve::make_room;
+use crate::reserve::{make_room, zeroed};
 use crate::{Error, Result};
 
 /// What memory is for, in errors.
@@ -133,6 +133,26 @@ impl<'a> Spool<'a> {
         Ok(())
     }
 
+    /// Moves what is in memory to the scratch file, and gives the memory back.
+    pub(crate) fn release(&mut self) -> Result<()> {
+        self.flush()?;
+        self.memory = Vec::new();
+        Ok(())
+    }
+
+    /// Appends all bytes of another.
+    pub(crate) fn append(&mut self, other: &Spool<'_>) -> Result<()> {
+        let (mut reader, mut left) = (other.reader(), other.len());
+        let mut piece = zeroed(left.min(READ_BYTES as u64) as usize, WHAT)?;
+        while left > 0 {
+            let piece = &mut piece[..left.min(READ_BYTES as u64) as usize];
+            reader.read(piece)?;
+            self.write(piece)?;
+            left -= piece.len() as u64;
+        }
+        Ok(())
+    }
+
     /// Forgets all bytes.
     pub(crate) fn clear(&mut self) {
         (self.memory, self.extents, self.len) = (Vec::new(), Vec::new(), 0);
@@ -150,7 +170,7 @@ impl<'a> Spool<'a> {
     /// All bytes.
     #[cfg(test)]
     pub(crate) fn to_vec(&self) -> Result<Vec<u8>> {
-        let mut all = crate::reserve::zeroed(self.len as usize, WHAT)?;
+        let mut all = zeroed(self.len as usize, WHAT)?;
         self.reader().read(&mut all)?;
         Ok(all)
     }

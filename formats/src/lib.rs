@@ -113,6 +113,9 @@ pub use open::{Probe, Reach, open, open_regions, probe, reach};
 pub use options::{ArrayAxes, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings};
 pub use orientation::orientation;
 pub use series::{FileSeries, TimeSteps, is_pattern, open_series};
+#[cfg(feature = "http")]
+#[doc(hidden)]
+pub use server::read_over;
 pub use store_files::is_on_server;
 pub use stores::server_descriptions;
 pub use volume_file::Layer;

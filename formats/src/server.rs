@@ -16,7 +16,10 @@ use std::time::{Duration, Instant};
 use pumice_core::error::one_line;
 use pumice_core::reserve;
 use ureq::Agent;
+use ureq::config::Config;
 use ureq::http::Response;
+use ureq::unversioned::resolver::Resolver;
+use ureq::unversioned::transport::Connector;
 
 use crate::bounded_decoder::Coder;
 use crate::store_files::{Part, is_absent};
@@ -40,7 +43,9 @@ const WAITS: [Duration; 3] =
 /// How long a server may be silent.
 const SILENCE: Duration = Duration::from_secs(30);
 
-static AGENT: LazyLock<Agent> = LazyLock::new(|| {
+static AGENT: LazyLock<Agent> = LazyLock::new(|| config().new_agent());
+
+fn config() -> Config {
     Agent::config_builder()
         .http_status_as_error(false)
         .max_redirects(5)
@@ -51,8 +56,7 @@ static AGENT: LazyLock<Agent> = LazyLock::new(|| {
         .max_idle_connections(64)
         .user_agent(concat!("pumice/", env!("CARGO_PKG_VERSION")))
         .build()
-        .new_agent()
-});
+}
 
 /// The URL by which HTTP reaches a place.
 fn http_url(path: &Path) -> Result<String, Error> {
@@ -110,21 +114,23 @@ pub(crate) fn read(path: &Path, part: Part, most: u64) -> Result<Vec<u8>, Error>
         return Ok(Vec::new());
     }
     let url = http_url(path)?;
-    with_tries(|| {
-        let mut request = AGENT.get(&url);
-        request = match part {
-            Part::Whole => request.header("Accept-Encoding", "gzip, br, zstd"),
-            Part::From(begin) => request.header("Range", format!("bytes={begin}-")),
-            Part::Piece { begin, size } => {
-                let last = begin.saturating_add(size - 1);
-                request.header("Range", format!("bytes={begin}-{last}"))
-            }
-            Part::Last(size) => request.header("Range", format!("bytes=-{size}")),
-        };
-        let mut response = request.call().map_err(Failure::of_transport)?;
-        check_status(&response, part)?;
-        body(&mut response, part, most)
-    })
+    with_tries(|| read_once(&AGENT, &url, part, most))
+}
+
+fn read_once(agent: &Agent, url: &str, part: Part, most: u64) -> Result<Vec<u8>, Failure> {
+    let mut request = agent.get(url);
+    request = match part {
+        Part::Whole => request.header("Accept-Encoding", "gzip, br, zstd"),
+        Part::From(begin) => request.header("Range", format!("bytes={begin}-")),
+        Part::Piece { begin, size } => {
+            let last = begin.saturating_add(size - 1);
+            request.header("Range", format!("bytes={begin}-{last}"))
+        }
+        Part::Last(size) => request.header("Range", format!("bytes=-{size}")),
+    };
+    let mut response = request.call().map_err(Failure::of_transport)?;
+    check_status(&response, part)?;
+    body(&mut response, part, most)
 }
 
 /// Bytes of a file.
@@ -134,14 +140,33 @@ pub(crate) fn read(path: &Path, part: Part, most: u64) -> Result<Vec<u8>, Error>
 #[cfg(feature = "zarr")]
 pub(crate) fn size(path: &Path) -> Result<u64, Error> {
     let url = http_url(path)?;
-    with_tries(|| {
-        let response = AGENT.head(&url).call().map_err(Failure::of_transport)?;
-        check_status(&response, Part::Whole)?;
-        let length = response.headers().get("content-length").and_then(|v| v.to_str().ok()?.parse().ok());
-        length.ok_or_else(|| {
-            Failure::last(ErrorKind::InvalidData, "the server does not say the file's size".into())
-        })
+    with_tries(|| size_once(&AGENT, &url))
+}
+
+fn size_once(agent: &Agent, url: &str) -> Result<u64, Failure> {
+    let response = agent.head(url).call().map_err(Failure::of_transport)?;
+    check_status(&response, Part::Whole)?;
+    let length = response.headers().get("content-length").and_then(|v| v.to_str().ok()?.parse().ok());
+    length.ok_or_else(|| {
+        Failure::last(ErrorKind::InvalidData, "the server does not say the file's size".into())
     })
+}
+
+/// Reads a file of at most `most` bytes as a whole, from byte `begin` on, a piece of `size` bytes, and its end, and asks for its size, once each,
+/// over connections that take the place of the network. For the fuzz target `server_answer`.
+#[doc(hidden)]
+pub fn read_over(
+    connector: impl Connector,
+    resolver: impl Resolver,
+    (begin, size, most): (u64, u64, u64),
+) -> Vec<Result<Vec<u8>, Error>> {
+    let agent = Agent::with_parts(config(), connector, resolver);
+    let url = "http://server/store/0/0/0";
+    let parts =
+        [Part::Whole, Part::From(begin), Part::Piece { begin, size: size.max(1) }, Part::Last(size.max(1))];
+    let read = parts.map(|part| read_once(&agent, url, part, most));
+    let sizes = [size_once(&agent, url).map(|size| size.to_le_bytes().to_vec())];
+    read.into_iter().chain(sizes).map(|answer| answer.map_err(|failure| failure.error)).collect()
 }
 
 /// A short file that describes a store; `None` where there is none.

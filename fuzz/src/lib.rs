@@ -15,6 +15,7 @@ pub mod files;
 pub mod scratch;
 pub mod sections;
 pub mod seeds;
+pub mod server;
 pub mod stores;
 pub mod volume;
 

@@ -11,13 +11,14 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
 /// Names of the targets, which are the files in `fuzz/targets`.
-const TARGETS: [&str; 11] = [
+const TARGETS: [&str; 12] = [
     "pumice_file",
     "pumice_sections",
     "label_volume",
     "label_table",
     "raw_volume",
     "store",
+    "server_answer",
     "hdf5_file",
     "relabel_table",
     "scene_json",

@@ -279,28 +279,49 @@ impl<'a> FileSink<'a> {
         Ok(())
     }
 
-    /// The stream of a chunk's voxels.
-    fn voxels(&self, origin: [u32; 3], layers: &Layers<'_>, job: &Job) -> Result<Vec<u8>> {
+    /// Codes a chunk's voxels. What is final of the stream goes to the body slab after slab.
+    fn voxels(&mut self, origin: [u32; 3], layers: &Layers<'_>, job: &Job) -> Result<()> {
+        let (name, offset, mut hash) = (*b"VOXL", self.body.len(), Xxh3::new());
+        let encoding = super::write::encoding_of(name, PLAIN, self.level);
         let [w, h, d] = piece_dims(self.dims, origin).map(|n| n as usize);
         let mut encoder = VoxelEncoder::new([w, h], self.labels);
         let mut slab: Vec<u32> = zeroed(w * h * SLAB, "the voxels of a slab")?;
         for z in (0..d).step_by(SLAB) {
             job.check()?;
-            let layer = layers.load(z / SLAB)?;
             slab.fill(0);
-            for position in 0..if layer.is_empty() { 0 } else { SIDE * SIDE } {
-                for &(label, mut mask) in layer.at(position) {
-                    let corner = 4 * (position % SIDE) + w * 4 * (position / SIDE);
-                    while mask != 0 {
-                        let v = mask.trailing_zeros() as usize;
-                        slab[corner + (v & 3) + w * (v >> 2 & 3) + w * h * (v >> 4)] = label + 1;
-                        mask &= mask - 1;
+            let rows = layers.rows_at_once(z / SLAB)?;
+            for row in (0..SIDE).step_by(rows) {
+                let layer = layers.load_rows(z / SLAB, row..row + rows)?;
+                for position in SIDE * row..if layer.is_empty() { 0 } else { SIDE * (row + rows) } {
+                    for &(label, mut mask) in layer.at(position) {
+                        let corner = 4 * (position % SIDE) + w * 4 * (position / SIDE);
+                        while mask != 0 {
+                            let v = mask.trailing_zeros() as usize;
+                            slab[corner + (v & 3) + w * (v >> 2 & 3) + w * h * (v >> 4)] = label + 1;
+                            mask &= mask - 1;
+                        }
                     }
                 }
             }
             slab.chunks_exact(w * h).take(d - z).for_each(|slice| encoder.slice(slice));
+            let settled = encoder.take_settled();
+            hash.update(&settled);
+            self.body.write(&settled)?;
         }
-        Ok(encoder.finish())
+        let rest = encoder.finish();
+        hash.update(&rest);
+        self.body.write(&rest)?;
+        let (stored, chunk) = (self.body.len() - offset, Some(self.chunks.len() as u32 - 1));
+        self.entries.push(Entry {
+            name,
+            chunk,
+            encoding,
+            offset,
+            stored,
+            decoded: stored,
+            checksum: hash.digest(),
+        });
+        self.pad()
     }
 }
 
@@ -309,8 +330,7 @@ impl ChunkSink for FileSink<'_> {
         if self.level == CompressionLevel::Small {
             let origin = boxes.cell.map(|c| 4 * c);
             self.begin(origin, boxes.frame, self.words)?;
-            let voxels = self.voxels(origin, layers, job)?;
-            self.section(*b"VOXL", &voxels, PLAIN, job)?;
+            self.voxels(origin, layers, job)?;
         }
         Ok(())
     }

@@ -269,6 +269,12 @@ impl VoxelEncoder {
         self.model.slice(&mut self.coder, Some(voxels), |_, _| ());
     }
 
+    /// The bytes of the stream so far that are final and were not taken before.
+    pub(super) fn take_settled(&mut self) -> Vec<u8> {
+        self.coder.take_settled()
+    }
+
+    /// The rest of the stream.
     pub(super) fn finish(self) -> Vec<u8> {
         self.coder.finish()
     }
