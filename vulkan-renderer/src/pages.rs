@@ -25,7 +25,7 @@ use pumice_transport::{BoxBounds, RenderError};
 use rayon::prelude::*;
 
 use self::free_space::FreeSpace;
-use crate::device::{Buffer, DeviceError, Gpu};
+use crate::device::{Buffer, DeviceError, Gpu, Piece};
 use crate::layout::{self, BrickBlock, Chunk, NONE, PAGE_COUNTS};
 use crate::pack::{MOST_PAGE_BYTES, PAGE_ALIGNMENT, PackedNodes, PackedPage};
 use crate::scene::UploadError;
@@ -493,7 +493,7 @@ impl ScenePages {
                 .map_err(RenderError::from)
         };
         let packed = pages.par_iter().map(packed).collect::<Result<Vec<_>, RenderError>>()?;
-        let pieces: Vec<(u64, &[u8])> = pages
+        let pieces: Vec<Piece<'_>> = pages
             .iter()
             .zip(&packed)
             .filter_map(|(of, page)| Some((of.2.at, page.as_ref()?.bytes.as_slice())))
@@ -527,7 +527,7 @@ impl ScenePages {
     fn tell(&self, gpu: &Gpu, changed: &[(usize, usize)]) -> Result<(), DeviceError> {
         for (v, of) in self.volumes.iter().enumerate() {
             let own = changed.iter().filter(|page| page.0 == v).map(|page| page.1);
-            let (mut blocks, mut chunks): (Vec<(u64, &[u8])>, Vec<(u64, &[u8])>) = (Vec::new(), Vec::new());
+            let (mut blocks, mut chunks): (Vec<Piece<'_>>, Vec<Piece<'_>>) = (Vec::new(), Vec::new());
             for index in own {
                 chunks.push(((index * size_of::<Chunk>()) as u64, bytemuck::bytes_of(&of.chunks[index])));
                 blocks.extend(of.volume.drawn.blocks_of(index).map(|block| {

@@ -114,7 +114,7 @@ pub(crate) struct Boxes {
 #[derive(Debug)]
 enum Content {
     /// All of them on the device.
-    Whole(WholeBoxes),
+    Whole(Box<WholeBoxes>),
     /// Some on the device, in pages; `None` where nothing is drawn.
     Paged(Option<Arc<PagedVolume>>),
 }
@@ -183,7 +183,7 @@ impl Boxes {
         };
         record.neighbors = neighbors.as_ref().map_or(0, Buffer::address);
         let whole = WholeBoxes { nodes, chunks, boxes, labels, bricks, bvh, acceleration, neighbors };
-        Ok(Self { content: Content::Whole(whole), record })
+        Ok(Self { content: Content::Whole(Box::new(whole)), record })
     }
 
     /// The pages of a volume on disk; those that `former` draws alike are those of `former`.

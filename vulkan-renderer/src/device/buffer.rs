@@ -27,6 +27,9 @@ const USAGE: vk::BufferUsageFlags = vk::BufferUsageFlags::from_raw(
         | vk::BufferUsageFlags::TRANSFER_DST.as_raw(),
 );
 
+/// Bytes for a part of a buffer, and the offset where they begin.
+pub type Piece<'a> = (u64, &'a [u8]);
+
 /// Memory on the device.
 pub struct Buffer {
     raw: RawBuffer,
@@ -296,7 +299,7 @@ impl Gpu {
     ///
     /// # Errors
     /// As [`Gpu::upload`].
-    pub fn upload_pieces(&self, buffer: &Buffer, pieces: &[(u64, &[u8])]) -> Result<(), DeviceError> {
+    pub fn upload_pieces(&self, buffer: &Buffer, pieces: &[Piece<'_>]) -> Result<(), DeviceError> {
         let mut small = Vec::new();
         for &(offset, bytes) in pieces {
             within(buffer, offset, bytes.len() as u64)?;

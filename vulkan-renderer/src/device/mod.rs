@@ -38,7 +38,7 @@ mod unfinished;
 
 pub use acceleration::{Acceleration, HardwareBox};
 pub use backend::Backend;
-pub use buffer::Buffer;
+pub use buffer::{Buffer, Piece};
 pub use compute::ComputePipeline;
 pub use error::DeviceError;
 pub use executables::{Executable, Statistic};
