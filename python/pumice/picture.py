@@ -247,8 +247,8 @@ def render(
     voxels first, in the upper left corner, beside which `figure(…, legend=…)` frames what it shows. Both are in `save` and `srgb` and not in
     `color` and the passes. `denoise`: True or `statistical` averages pixels of one label that a statistical test cannot tell apart; `oidn` is Intel's
     Open Image Denoise, from the library that the environment variable `PUMICE_OIDN` names or the system finds, `oidn:LIBRARY` from that path. The picture
-    is then smoother, and biased; `noisy` is the mean of its samples. `memory_limit`: bytes that the volumes may hold while they are drawn, from temporary files then, without `volumes`
-    and on the processor alone; the picture is the same. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
+    is then smoother, and biased; `noisy` is the mean of its samples. `memory_limit`: bytes that the volumes may hold while they are drawn, from temporary files then, without `volumes`;
+    on a graphics processor, the pages there. The picture is the same. `on_progress` is called with each new point of the curve, a `CurvePoint`; what it raises ends the render.
     """
     require_end(scene, spp, seconds, error)
     annotate = arguments.annotate_as(width_mm, dpi, scale_bar, scale_bar_corner, legend)

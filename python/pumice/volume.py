@@ -407,7 +407,7 @@ def open(
     other levels, and chosen labels, are read into memory.
 
     `memory`: boxes and nodes of a `.pumice` file go into temporary files, and come into this `PageMemory` where rays meet them, page by page. The
-    volume is drawn on the processor, with the same picture, and has its table; what needs all boxes (`save`, `decode`, `faces`, …) is an InputError.
+    volume is drawn with the same picture, and has its table; a graphics processor holds pages within the same limit itself; what needs all boxes (`save`, `decode`, `faces`, …) is an InputError.
 
     Keywords: `layer`, `time`, `channel` (numbers from 0), `array` (name within an `.npz`), `spacing` (three lengths), `axes` (the order of
     the axes of an array whose file does not say it: "xyz" or "zyx"; without it, "xyz" of `.npy` and `.npz`, "zyx" of HDF5 and Zarr, with a

@@ -351,7 +351,8 @@ void add_samples(uvec2 in_tile) {
         return;
     }
     uint first = launch.first_sample, end = launch.first_sample + launch.samples;
-    if (NEEDS_PAGES != 0u) {
+    bool in_pages = NEEDS_PAGES != 0u && launch.samples_done != 0UL;
+    if (in_pages) {
         first = max(first, Words(launch.samples_done + place * 4UL).at[0]);
     }
     uint number = first;
@@ -365,7 +366,7 @@ void add_samples(uvec2 in_tile) {
             film_sample_add_to(film_sample, launch.source, scene.it.film_width, pixel, number);
         }
     }
-    if (NEEDS_PAGES != 0u) {
+    if (in_pages) {
         Words(launch.samples_done + place * 4UL).at[0] = number;
         count_for_pages(launch.page_requests, PAGES_LACKED, number < end ? 1u : 0u);
         count_for_pages(launch.page_requests, PAGES_SAMPLES, max(number, first) - first);

@@ -382,6 +382,10 @@ impl ScenePages {
                 has_made_room = false;
                 continue;
             }
+            if loaded.all && loaded.pages == 0 {
+                // Launching it again would find the same.
+                return Err(RenderError::Device("pages: the device lacks one that was sent".into()).into());
+            }
             if !loaded.all {
                 forward = samples > 0;
                 if part.pixels() > 1 && (part.pixels() > SMALL_TILE || !forward) {

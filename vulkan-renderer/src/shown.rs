@@ -69,11 +69,18 @@ impl Shown {
         let mut counted = *counters;
         let plan = ScenePlan::between(former.as_ref().map(|o| &o.scene), scene);
         let parts = Making::new(machine, scene, former.as_ref(), &mut counted).parts(&plan, read_image)?;
-        // (From here on only the device can fail, and then the former scene is given up.)
+        let s = scene.scene();
+        let empty_film = || -> Result<FilmBuffer, RenderError> {
+            let mut copy = FilmBuffer::with_passes(s.film.width, s.film.height, sums_of(s))?;
+            copy.rest_by(s.settings.adaptive)?;
+            Ok(copy)
+        };
+        // The host's copy of another film comes first: where the host has no memory for it, the former scene stays. From here on only
+        // the device can fail, and then the former scene is given up.
+        let another = if plan.sums == Reuse::Keep { None } else { Some(empty_film()?) };
         let pages = scene_pages(machine, &parts, former.as_mut().map(|f| &mut f.pages))?;
         let on_device = scene_on_device(machine, scene, parts, pages.as_ref())?;
         let parts = &on_device.parts;
-        let s = scene.scene();
         let needs = ShaderNeeds {
             parts: scene.needs().parts(),
             instance_tree: parts.tree.is_some(),
@@ -81,18 +88,18 @@ impl Shown {
             boxes: parts.instances.iter().any(|i| i.boxes.has_boxes()),
             pages: pages.is_some(),
         };
-        let film = match former.take_if(|_| plan.sums == Reuse::Keep) {
-            Some(Self { mut film, .. }) => {
+        let film = match (another, former.take()) {
+            (None, Some(Self { mut film, .. })) => {
                 film.clear(&machine.gpu, s.settings.adaptive)?;
                 film
             }
-            None => {
-                // The host's copy comes first: where the host has no memory for it, the former scene stays.
-                let copy = FilmBuffer::with_passes(s.film.width, s.film.height, sums_of(s));
-                let mut copy = copy.map_err(RenderError::from)?;
-                copy.rest_by(s.settings.adaptive).map_err(RenderError::from)?;
+            (another, old) => {
                 // Free the former film now: the new one may need its memory on the device.
-                *former = None;
+                drop(old);
+                let copy = match another {
+                    Some(copy) => copy,
+                    None => empty_film()?,
+                };
                 Film::new(&machine.gpu, copy)?
             }
         };
