@@ -275,7 +275,7 @@ mod tests {
     #[test]
     fn few_features_are_few() {
         let count = |kind: SceneKind| kind.needs().constants().iter().sum::<u32>();
-        assert_eq!(SceneKind::value_variants().iter().map(|&k| count(k)).collect::<Vec<_>>(), [1, 4, 20]);
+        assert_eq!(SceneKind::value_variants().iter().map(|&k| count(k)).collect::<Vec<_>>(), [1, 4, 21]);
     }
 
     #[test]
