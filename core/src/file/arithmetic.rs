@@ -52,8 +52,8 @@ impl Encoder {
         }
     }
 
-    /// Removes the bytes that no later carry changes. From any point on one carry reaches the bytes so far, because the interval is at most as
-    /// wide as `low`; it ends at the last byte that is not 255.
+    /// Removes the bytes that no later carry changes, and returns them. A carry propagates through bytes of 255 and ends at the last byte that is
+    /// not 255; after it, no second one reaches that byte, because the interval is at most as wide as `low`.
     pub(super) fn take_settled(&mut self) -> Vec<u8> {
         let end = self.bytes.iter().rposition(|&byte| byte != u8::MAX).unwrap_or(0);
         let rest = self.bytes.split_off(end);
@@ -229,7 +229,7 @@ mod tests {
         assert!(decoder.is_past_end());
     }
 
-    /// Improbable bits of value 0 carry often; however often settled bytes are taken, the stream is the same.
+    /// A stream of many carries is the same however often the bytes that no carry changes are taken from it.
     #[test]
     fn settled_bytes_are_those_of_the_stream() {
         let probability = 65_536 - MIN_PROBABILITY;

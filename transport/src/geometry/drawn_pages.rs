@@ -56,12 +56,26 @@ pub struct PageCounts {
     pub boxes: usize,
     /// 16-bit words of their nodes.
     pub node_words: usize,
-    /// Bricks.
+    /// Bricks that hold a voxel.
     pub bricks: usize,
     /// Voxel masks of cells that are neither empty nor full.
     pub fields: usize,
     /// Parts: boxes in each brick, for all bricks.
     pub parts: usize,
+}
+
+impl PageCounts {
+    /// Of the boxes of a page and their bricks.
+    pub fn of(boxes: &CompressedVolume, bricks: &Bricks) -> Self {
+        Self {
+            boxes: boxes.boxes().len(),
+            node_words: boxes.nodes().len(),
+            // (One more marks the end of the last one's parts.)
+            bricks: bricks.bricks().len() - 1,
+            fields: bricks.fields().len(),
+            parts: bricks.items().len(),
+        }
+    }
 }
 
 impl DrawnPage {
@@ -333,13 +347,7 @@ fn make(
     let parts = volume.resident_parts();
     let of_volume: u64 = parts.iter().filter(|of| of.0 != "leaves").map(|of| of.1).sum();
     let bytes = of_volume + bricks.bytes() + (size_of::<CompressedVolume>() + size_of::<Bricks>()) as u64;
-    let counts = PageCounts {
-        boxes: volume.boxes().len(),
-        node_words: volume.nodes().len(),
-        bricks: bricks.bricks().len() - 1,
-        fields: bricks.fields().len(),
-        parts: bricks.items().len(),
-    };
+    let counts = PageCounts::of(&volume, &bricks);
     let page = DrawnPage { index, scratch: Arc::clone(scratch), stored, bytes, counts };
     let of_page = OfPage { of_voxels: BoxBounds { lo, hi }, ..of_page };
     Ok(Made { page: Some(Arc::new(page)), of_page, occupied })

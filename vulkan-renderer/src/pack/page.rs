@@ -1,7 +1,7 @@
 //! Packs a page of a volume on disk for the memory that all pages share on the device.
 //!
 //! ```text
-//! at ─► bricks, and one more │ boxes │ parts │ fields │ nodes, and spare words │ ─► multiple of 48
+//! page   bricks, and one that marks their end │ boxes │ parts │ fields │ nodes, and spare words      begins and ends at multiples of 48 bytes
 //! ```
 //! All numbers count from the beginning of that memory, so shaders find what is in pages as they find what is in whole volumes.
 
@@ -78,14 +78,7 @@ impl PackedPage {
         at: u64,
         leaves: u64,
     ) -> Result<Self, NoMemory> {
-        let counts = PageCounts {
-            boxes: volume.boxes().len(),
-            node_words: volume.nodes().len(),
-            bricks: bricks.bricks().len() - 1,
-            fields: bricks.fields().len(),
-            parts: bricks.items().len(),
-        };
-        let offsets = Offsets::of(&counts);
+        let offsets = Offsets::of(&PageCounts::of(volume, bricks));
         let first = |offset: u64, element: usize| ((at + offset) / element as u64) as u32;
         let brick = first(0, size_of::<Brick>());
         let (field, part) =
