@@ -173,9 +173,11 @@ def steps():
     import window_drop
     import window_overlays
     import window_pick
+    import window_stores
 
     yield from window_overlays.steps(sys.modules[EXTENSION], OUT, window, area, shown, converged, until, shot)
     yield from window_drop.steps(OUT, window, area, until, input_events, shot)
+    yield from window_stores.steps(OUT, window, area, until, input_events, shot)
     yield from window_pick.steps(sys.modules[EXTENSION], OUT, window, area, shown, converged, until, input_events, shot)
 
     yield from other_device(area)

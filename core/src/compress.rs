@@ -63,8 +63,8 @@ pub fn compress(
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     let expected = source.info().voxels();
     let share = reading_share(CompressionLevel::Default);
-    let (info, parts, labelled) = parts_of(source, (expected, share), options, &folder, job)?;
-    let known = Known { labelled: Some(labelled), touching: None };
+    let (info, parts) = parts_of(source, (expected, share), options, &folder, job)?;
+    let known = Known::delivered(&parts);
     volume_of_parts(info, parts, &known, options, &folder, job)
 }
 
@@ -84,23 +84,23 @@ pub fn compress_to_file(
 ) -> Result<WrittenVolume> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     let expected = source.info().voxels();
-    let (info, parts, labelled) = parts_of(source, (expected, reading_share(level)), options, &folder, job)?;
-    write_parts(path, level, info, (parts, labelled), options, &folder, describe, job)
+    let (info, parts) = parts_of(source, (expected, reading_share(level)), options, &folder, job)?;
+    write_volume(path, level, info, parts, options, &folder, describe, job)
 }
 
 /// Finishes parts into a file.
 #[expect(clippy::too_many_arguments, reason = "each is another thing")]
-pub(crate) fn write_parts(
+pub(crate) fn write_volume(
     path: &Path,
     level: CompressionLevel,
     info: VolumeInfo,
-    (parts, labelled): (StoredParts, u64),
+    parts: StoredParts,
     options: &CompressOptions,
     folder: &Path,
     describe: &mut (dyn FnMut(&mut CompressedVolume) -> Result<()> + Send),
     job: &Job,
 ) -> Result<WrittenVolume> {
-    let known = Known { labelled: Some(labelled), touching: None };
+    let known = Known::delivered(&parts);
     let budget = Budget::new(options.memory_limit_bytes, info.dims, parts.frames, folder);
     let mut describe = |volume: &mut CompressedVolume| {
         if let Some(types) = &options.types {
@@ -113,57 +113,85 @@ pub(crate) fn write_parts(
     })
 }
 
-/// Compresses some chunks of a volume into a file that [`crate::merge_parts`] joins with those of the others. `source` describes the whole volume
-/// and delivers the voxels of these chunks alone. Names and types are given when parts are joined; [`CompressOptions::types`] has no effect.
+/// Compresses some chunks of a volume into files that [`crate::merge_parts`] joins with those of the others: each of `parts` has chunks of its own,
+/// and a path. `source` describes the whole volume and delivers the voxels of these chunks alone; it is read once. A part appears as soon as its
+/// chunks are finished. Names and types are given when parts are joined; [`CompressOptions::types`] has no effect.
 ///
 /// # Errors
-/// As [`compress_to_file`]; [`Error::Caller`] for chunks that the volume does not have, and for voxels of another chunk.
-pub fn compress_part(
+/// As [`compress_to_file`]; [`Error::Caller`] for chunks that the volume does not have or that two parts have, and for voxels of another chunk.
+/// Parts that were finished before stay.
+pub fn compress_parts(
     source: &mut dyn BlockSource,
-    chunks: &ChunkSet,
+    parts: &[(ChunkSet, &Path)],
     from: &PartSource,
-    path: &Path,
     options: &CompressOptions,
     job: &Job,
-) -> Result<WrittenVolume> {
-    let grid = ChunkGrid::new(source.info().dims);
-    chunks.check(&grid)?;
+) -> Result<Vec<WrittenVolume>> {
+    let chunks = checked_chunks(parts, &ChunkGrid::new(source.info().dims))?;
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let expected = (chunks.voxels(&grid), reading_share(CompressionLevel::Default));
-    let (info, parts, labelled) = parts_of(source, expected, options, &folder, job)?;
-    write_part(path, info, (parts, labelled), chunks, from, options, &folder, job)
+    let expected = (chunks, reading_share(CompressionLevel::Default));
+    let (info, stored) = parts_of(source, expected, options, &folder, job)?;
+    write_parts(parts, info, stored, from, options, &folder, job)
 }
 
-/// Finishes what was read of some chunks, which exist, into a part.
-#[expect(clippy::too_many_arguments, reason = "each is another thing")]
-pub(crate) fn write_part(
-    path: &Path,
+/// The number of voxels of the chunks of all parts, which exist and are each of one part.
+pub(crate) fn checked_chunks(parts: &[(ChunkSet, &Path)], grid: &ChunkGrid) -> Result<u64> {
+    let mut voxels = 0;
+    for (i, (chunks, path)) in parts.iter().enumerate() {
+        chunks.check(grid)?;
+        voxels += chunks.voxels(grid);
+        for (others, other) in &parts[..i] {
+            if let Some(chunk) = chunks.iter().find(|&chunk| others.contains(chunk)) {
+                let [path, other] = [path.display(), other.display()];
+                return Err(Error::Caller(format!(
+                    "parts: expected each chunk in one of them, got chunk {chunk} for {other} and {path}"
+                )));
+            }
+        }
+    }
+    Ok(voxels)
+}
+
+/// Finishes what was read of the chunks of some parts, which exist, into these parts.
+pub(crate) fn write_parts(
+    parts: &[(ChunkSet, &Path)],
     info: VolumeInfo,
-    (parts, labelled): (StoredParts, u64),
-    chunks: &ChunkSet,
+    stored: StoredParts,
     from: &PartSource,
     options: &CompressOptions,
     folder: &Path,
     job: &Job,
-) -> Result<WrittenVolume> {
+) -> Result<Vec<WrittenVolume>> {
     let grid = ChunkGrid::new(info.dims);
-    for code in parts.codes() {
-        let number = grid.number(morton::decode(code).map(|c| c * CHUNK_VOXELS));
-        if !chunks.contains(number) {
+    let number = |code| grid.number(morton::decode(code).map(|c| c * CHUNK_VOXELS));
+    for code in stored.codes() {
+        if !parts.iter().any(|(chunks, _)| chunks.contains(number(code))) {
+            let chunks = ChunkSet::of(parts.iter().flat_map(|(chunks, _)| chunks.iter()));
             return Err(Error::Caller(format!(
-                "the source's blocks: expected voxels of chunks {chunks} alone, got some of chunk {number}"
+                "the source's blocks: expected voxels of chunks {chunks} alone, got some of chunk {}",
+                number(code)
             )));
         }
     }
-    let known = Known { labelled: Some(labelled), touching: None };
     // As for the whole volume: what one chunk needs depends on the chunk.
-    let budget = Budget::new(options.memory_limit_bytes, info.dims, parts.frames, folder);
-    let head = file::PartHead::new(chunks.clone(), grid.chunks(), from.clone());
+    let budget = Budget::new(options.memory_limit_bytes, info.dims, stored.frames, folder);
     let level = CompressionLevel::Default;
     let mut describe = |_: &mut CompressedVolume| Ok(());
-    on_threads(options, || {
-        file::finish_into_file(path, level, info, parts, &known, &budget, Some(&head), &mut describe, job)
-    })
+    let mut left = stored;
+    let mut written = Vec::with_capacity(parts.len());
+    for (i, (chunks, path)) in parts.iter().enumerate() {
+        let all = left.records();
+        let is_last = i + 1 == parts.len();
+        let of_part = left.take(|code| chunks.contains(number(code)))?;
+        let share = if is_last { 1.0 } else { of_part.records() as f64 / all.max(1) as f64 };
+        let known = Known { share, ..Known::delivered(&of_part) };
+        let head = file::PartHead::new(chunks.clone(), grid.chunks(), from.clone());
+        let (info, head) = (info.clone(), Some(&head));
+        written.push(on_threads(options, || {
+            file::finish_into_file(path, level, info, of_part, &known, &budget, head, &mut describe, job)
+        })?);
+    }
+    Ok(written)
 }
 
 /// The share of the time of compressing that reading takes, for [`Job::fraction`]: measured on dense and sparse volumes, where it is 0.21 to 0.60,
@@ -176,14 +204,15 @@ pub(crate) fn reading_share(level: CompressionLevel) -> f64 {
     }
 }
 
-/// Reads all blocks of a source, which have `expected` voxels and take this share of the job's time; returns the volume's info, what its chunks have, and the number of labelled voxels.
+/// Reads all blocks of a source, which have `expected` voxels and take this share of the job's time; returns the volume's info, and what its
+/// chunks have.
 fn parts_of(
     source: &mut dyn BlockSource,
     (expected, share): (u64, f64),
     options: &CompressOptions,
     folder: &Path,
     job: &Job,
-) -> Result<(VolumeInfo, StoredParts, u64)> {
+) -> Result<(VolumeInfo, StoredParts)> {
     let info = checked(source.info().clone())?;
     let store = store_for(info.dims, 1, options, folder);
     job.begin_share(expected, share);
@@ -191,13 +220,13 @@ fn parts_of(
     if let Some(limit_bytes) = options.memory_limit_bytes {
         give_back_large_pieces(limit_bytes);
     }
-    let labelled = make_parts(source, expected, &store, threads, options.memory_limit_bytes, job)?;
+    make_parts(source, expected, &store, threads, options.memory_limit_bytes, job)?;
     let parts = store.into_parts()?;
     if options.memory_limit_bytes.is_some() {
         // The memory of records lies in the arenas of threads that have ended.
         give_back();
     }
-    Ok((info, parts, labelled))
+    Ok((info, parts))
 }
 
 /// An empty store for the parts of so many frames of a volume of `dims` voxels.
@@ -276,7 +305,7 @@ fn check(info: &VolumeInfo) -> Result<()> {
     Ok(())
 }
 
-/// Adds the parts of all blocks of a source, which have `expected` voxels, to a store; returns the number of labelled voxels. The job has begun.
+/// Adds the parts of all blocks of a source, which have `expected` voxels, to a store. The job has begun.
 pub(crate) fn make_parts(
     source: &mut dyn BlockSource,
     expected: u64,
@@ -284,23 +313,19 @@ pub(crate) fn make_parts(
     threads: usize,
     limit_bytes: Option<u64>,
     job: &Job,
-) -> Result<u64> {
+) -> Result<()> {
     let dims = source.info().dims;
     let (send, receive) = sync_channel::<LabelBlock>(threads);
     let receive = Mutex::new(receive);
     let failure: Mutex<Option<Error>> = Mutex::default();
     let queued_bytes = AtomicU64::new(0);
-    let labelled = AtomicU64::new(0);
     let work = |block: LabelBlock| {
         let ragged = is_ragged(&block, dims);
         let (bytes, voxels) = (block_bytes(&block), voxels(&block));
         let result = job.check().and_then(|()| {
             let mut last: Option<SortedCells> = None;
-            let mut add = |part: SortedCells| {
-                labelled.fetch_add(part.voxels(), Relaxed);
-                store.add(part, ragged)
-            };
-            SortedCells::of_block(&block, dims, &mut |part| last.replace(part).map_or(Ok(()), &mut add))?;
+            let add = |part| store.add_delivered(part, ragged);
+            SortedCells::of_block(&block, dims, &mut |part| last.replace(part).map_or(Ok(()), add))?;
             // The store may merge parts: the block's own memory is free by then.
             drop(block);
             last.map_or(Ok(()), add)
@@ -361,7 +386,7 @@ pub(crate) fn make_parts(
             "the source's blocks: expected {expected} voxels in all, got {delivered}"
         )));
     }
-    Ok(labelled.into_inner())
+    Ok(())
 }
 
 fn no_threads(threads: usize, error: impl std::fmt::Display) -> Error {

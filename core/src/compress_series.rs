@@ -10,7 +10,9 @@
 
 use std::path::Path;
 
-use crate::compress::{checked, make_parts, reading_share, store_for, write_part, write_parts};
+use crate::compress::{
+    checked, checked_chunks, make_parts, reading_share, store_for, write_parts, write_volume,
+};
 use crate::store::StoredParts;
 use crate::{
     BlockSource, ChunkGrid, ChunkSet, CompressOptions, CompressedVolume, CompressionLevel, Error, Job,
@@ -49,42 +51,36 @@ pub fn compress_series_to_file(
     job: &Job,
 ) -> Result<WrittenVolume> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let (info, parts, labelled) = parts_of(
+    let (info, parts) = parts_of(
         source,
         (|info: &VolumeInfo| Ok(info.voxels()), reading_share(level)),
         options,
         &folder,
         job,
     )?;
-    write_parts(path, level, info, (parts, labelled), options, &folder, describe, job)
+    write_volume(path, level, info, parts, options, &folder, describe, job)
 }
 
-/// Compresses some chunks of a time series, at all frames, into a file that [`crate::merge_parts`] joins with those of the others. Each frame of
-/// `source` describes the whole volume and delivers the voxels of these chunks alone. Names and types are given when parts are joined;
-/// [`CompressOptions::types`] has no effect.
+/// Compresses some chunks of a time series, at all frames, into files that [`crate::merge_parts`] joins with those of the others, as
+/// [`crate::compress_parts`] does. Each frame of `source` describes the whole volume and delivers the voxels of these chunks alone.
 ///
 /// # Errors
-/// As [`compress_series_to_file`]; [`Error::Caller`] for chunks that the volume does not have, and for voxels of another chunk.
-pub fn compress_series_part(
+/// As [`compress_series_to_file`] and [`crate::compress_parts`].
+pub fn compress_series_parts(
     source: &mut dyn SeriesSource,
-    chunks: &ChunkSet,
+    parts: &[(ChunkSet, &Path)],
     from: &PartSource,
-    path: &Path,
     options: &CompressOptions,
     job: &Job,
-) -> Result<WrittenVolume> {
+) -> Result<Vec<WrittenVolume>> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
-    let expected = |info: &VolumeInfo| {
-        let grid = ChunkGrid::new(info.dims);
-        chunks.check(&grid)?;
-        Ok(chunks.voxels(&grid))
-    };
+    let expected = |info: &VolumeInfo| checked_chunks(parts, &ChunkGrid::new(info.dims));
     let share = reading_share(CompressionLevel::Default);
-    let (info, parts, labelled) = parts_of(source, (expected, share), options, &folder, job)?;
-    write_part(path, info, (parts, labelled), chunks, from, options, &folder, job)
+    let (info, stored) = parts_of(source, (expected, share), options, &folder, job)?;
+    write_parts(parts, info, stored, from, options, &folder, job)
 }
 
-/// Reads all blocks of all frames; returns what the frames have in common, what their chunks have, and the number of labelled voxels. `expected`
+/// Reads all blocks of all frames; returns what the frames have in common, and what their chunks have. `expected`
 /// says how many voxels the blocks of a frame have; reading takes this share of the job's time.
 fn parts_of(
     source: &mut dyn SeriesSource,
@@ -92,9 +88,9 @@ fn parts_of(
     options: &CompressOptions,
     folder: &Path,
     job: &Job,
-) -> Result<(VolumeInfo, StoredParts, u64)> {
+) -> Result<(VolumeInfo, StoredParts)> {
     let frames = source.frames();
-    let (mut first, mut store, mut voxels, mut labelled) = (None::<VolumeInfo>, None, 0, 0);
+    let (mut first, mut store, mut voxels) = (None::<VolumeInfo>, None, 0);
     for frame in 0..frames {
         job.check()?;
         let mut blocks = source.next_frame()?;
@@ -121,14 +117,14 @@ fn parts_of(
                 store.next_frame()?;
             }
             let (threads, limit) = (options.thread_count(), options.memory_limit_bytes);
-            labelled += make_parts(blocks.as_mut(), voxels, store, threads, limit, job)?;
+            make_parts(blocks.as_mut(), voxels, store, threads, limit, job)?;
         }
     }
     let (Some(mut info), Some(store)) = (first, store) else {
         return Err(Error::Caller("a time series: expected at least one frame, got none".into()));
     };
     info.notes.shrink_to_fit();
-    Ok((info, store.into_parts()?, labelled))
+    Ok((info, store.into_parts()?))
 }
 
 /// What a frame has that differs from the first.

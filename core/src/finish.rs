@@ -89,6 +89,15 @@ pub(crate) struct Known {
     pub(crate) labelled: Option<u64>,
     /// Pairs of dense labels that touch within a chunk, where they are known.
     pub(crate) touching: Option<Vec<u64>>,
+    /// The share of the time that is left of the job: less than 1 where more is finished after these parts.
+    pub(crate) share: f64,
+}
+
+impl Known {
+    /// What is known of parts that were made from a source's blocks.
+    pub(crate) fn delivered(parts: &StoredParts) -> Self {
+        Self { labelled: Some(parts.delivered()), touching: None, share: 1.0 }
+    }
 }
 
 /// Finishes all chunks of a volume of `dims` voxels, at all frames.
@@ -116,7 +125,7 @@ pub(crate) fn finish(
     let within = known.touching.is_none();
     let known_pairs = known.touching.as_deref().unwrap_or_default();
     let mut touching = Touching::new(dims, &faces, budget, known_pairs)?;
-    job.begin(parts.records());
+    job.begin_share(parts.records(), known.share);
     while let Some((_, frames)) = parts.next_chunk() {
         let scratch = Scratch::new(&budget.folder);
         let mut of_chunk: Vec<ChunkBoxes<'_>> = reserved(frames as usize, "the frames of a chunk")?;

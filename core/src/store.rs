@@ -12,7 +12,7 @@
 
 use std::collections::BTreeMap;
 use std::path::Path;
-use std::sync::{Mutex, PoisonError};
+use std::sync::{Arc, Mutex, PoisonError};
 
 use rustc_hash::FxHashMap;
 
@@ -39,6 +39,9 @@ const BYTES_A_LABEL: u64 = 40;
 /// Bytes beyond the limit that counting the labels of a refused volume may take.
 const COUNTING_BYTES: u64 = 32 << 20;
 
+/// Ids of several pieces are freed of repetition once there are so many.
+const MOST_REPEATED_IDS: usize = 1 << 16;
+
 /// What memory is for, in errors.
 const LABELS: &str = "the table of labels";
 const RECORDS: &str = "the cells of a label";
@@ -59,6 +62,8 @@ struct State {
     /// The frame that parts are of.
     frame: u32,
     ids: FxHashMap<u64, ()>,
+    /// Number of labelled voxels that were delivered of each chunk, by its Morton code.
+    delivered: BTreeMap<u64, u64>,
     /// Bytes on the heap of the parts in memory.
     bytes: u64,
 }
@@ -81,6 +86,24 @@ impl PartStore {
     fn lock(&self) -> std::sync::MutexGuard<'_, State> {
         // Every critical section leaves the state consistent before anything in it can fail.
         self.state.lock().unwrap_or_else(PoisonError::into_inner)
+    }
+
+    /// Adds a part of a source's block, and counts its voxels. Otherwise as [`PartStore::add`].
+    pub(crate) fn add_delivered(&self, part: SortedCells, ragged: bool) -> Result<()> {
+        let mut voxels: Vec<(u64, u64)> = Vec::new();
+        for cell in &part.cells {
+            let (chunk, n) = (cell.key / CHUNK_CELLS, u64::from(cell.mask.count_ones()));
+            match voxels.last_mut() {
+                Some((last, count)) if *last == chunk => *count += n,
+                _ => voxels.push((chunk, n)),
+            }
+        }
+        let mut state = self.lock();
+        for (chunk, n) in voxels {
+            *state.delivered.entry(chunk).or_default() += n;
+        }
+        drop(state);
+        self.add(part, ragged)
     }
 
     /// Adds a part. `ragged` means that its block cuts through cells, so merging it with its neighbours makes it smaller.
@@ -214,7 +237,8 @@ impl PartStore {
         ids.extend(std::mem::take(&mut state.ids).into_keys());
         ids.sort_unstable();
         // Chunks without a record have no entry, since a piece has at least one.
-        Ok(StoredParts { ids, frames: state.frame + 1, chunks: state.chunks, scratch: self.scratch })
+        let (frames, scratch) = (state.frame + 1, Arc::new(self.scratch));
+        Ok(StoredParts { ids, frames, chunks: state.chunks, delivered: state.delivered, scratch })
     }
 }
 
@@ -253,10 +277,52 @@ pub(crate) struct StoredParts {
     /// Number of frames.
     pub(crate) frames: u32,
     chunks: BTreeMap<(u64, u32), Vec<Piece>>,
-    scratch: Scratch,
+    /// Number of labelled voxels that a source delivered of each chunk, by its Morton code.
+    delivered: BTreeMap<u64, u64>,
+    scratch: Arc<Scratch>,
 }
 
 impl StoredParts {
+    /// Number of labelled voxels that a source delivered of these chunks.
+    pub(crate) fn delivered(&self) -> u64 {
+        self.delivered.values().sum()
+    }
+
+    /// Removes what there is of some chunks, which `chosen` tells by their Morton codes: their records, and the ids of their labels.
+    ///
+    /// # Errors
+    /// [`Error::Io`], [`Error::Memory`].
+    pub(crate) fn take(&mut self, chosen: impl Fn(u64) -> bool) -> Result<Self> {
+        let (chunks, left): (BTreeMap<_, _>, _) =
+            std::mem::take(&mut self.chunks).into_iter().partition(|((code, _), _)| chosen(*code));
+        let (delivered, others) =
+            std::mem::take(&mut self.delivered).into_iter().partition(|(code, _)| chosen(*code));
+        (self.chunks, self.delivered) = (left, others);
+        let (mut ids, mut distinct) = (Vec::new(), 0);
+        for piece in chunks.values().flatten() {
+            let from = ids.len();
+            match piece {
+                Piece::Memory(part) => {
+                    make_room(&mut ids, part.ids.len(), LABELS)?;
+                    ids.extend_from_slice(&part.ids);
+                }
+                &Piece::Disk(place, labels, _) => {
+                    make_room(&mut ids, labels as usize, LABELS)?;
+                    ids.resize(from + labels as usize, 0);
+                    self.scratch.read(bytemuck::cast_slice_mut(&mut ids[from..]), place)?;
+                }
+            }
+            if ids.len() > MOST_REPEATED_IDS.max(2 * distinct) {
+                ids.sort_unstable();
+                ids.dedup();
+                distinct = ids.len();
+            }
+        }
+        ids.sort_unstable();
+        ids.dedup();
+        Ok(Self { ids, frames: self.frames, chunks, delivered, scratch: self.scratch.clone() })
+    }
+
     /// Number of records of all parts.
     pub(crate) fn records(&self) -> u64 {
         let of_piece = |piece: &Piece| match piece {

@@ -78,8 +78,8 @@ fn from(fingerprint: &str, reading: &str) -> PartSource {
 fn part(path: &Path, dims: [u32; 3], chunks: &str, source: &PartSource) -> PathBuf {
     let chunks: ChunkSet = chunks.parse().unwrap();
     let options = CompressOptions { threads: 2, ..CompressOptions::default() };
-    compress_part(&mut Generated::new(dims, Some(&chunks)), &chunks, source, path, &options, &Job::new())
-        .unwrap();
+    let mut voxels = Generated::new(dims, Some(&chunks));
+    compress_parts(&mut voxels, &[(chunks, path)], source, &options, &Job::new()).unwrap();
     path.to_owned()
 }
 
@@ -145,6 +145,53 @@ fn parts_of_any_partition_in_any_order_are_the_whole_volume() {
     let labels = volume.labels();
     assert!(labels.contacts().len() > 10);
     assert_eq!(volume.find_contacts(&Job::new()).unwrap(), *labels.contacts());
+}
+
+/// Parts that are made from voxels which are read once are those that each gives by itself, in memory and in scratch files.
+#[test]
+fn parts_of_one_reading_are_those_of_several() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let sets = ["1,4", "0", "2-3"];
+    let (names, paths): (Vec<ChunkSet>, Vec<PathBuf>) =
+        sets.iter().map(|set| (set.parse::<ChunkSet>().unwrap(), at(&format!("{set} at once")))).unzip();
+    let parts: Vec<(ChunkSet, &Path)> = names.into_iter().zip(paths.iter().map(PathBuf::as_path)).collect();
+    let all: ChunkSet = "0-4".parse().unwrap();
+    for memory_limit_bytes in [None, Some(4 << 20)] {
+        let options = CompressOptions { threads: 2, memory_limit_bytes, ..CompressOptions::default() };
+        let job = Job::new();
+        let mut voxels = Generated::new(DIMS, Some(&all));
+        let told = compress_parts(&mut voxels, &parts, &from("a", ""), &options, &job).unwrap();
+        assert_eq!(job.fraction(), Some(1.0));
+        for ((set, path), told) in sets.iter().zip(&paths).zip(told) {
+            let bytes = std::fs::read(path).unwrap();
+            assert_eq!(told.bytes_disk, bytes.len() as u64);
+            assert!(bytes == std::fs::read(part(&at("alone"), DIMS, set, &from("a", ""))).unwrap(), "{set}");
+        }
+    }
+    let twice = [("0,2".parse().unwrap(), at("a")), ("1-2".parse().unwrap(), at("b"))];
+    let twice = twice.each_ref().map(|(set, path): &(ChunkSet, PathBuf)| (set.clone(), &**path));
+    let mut voxels = Generated::new(DIMS, Some(&all));
+    let error = compress_parts(&mut voxels, &twice, &from("a", ""), &CompressOptions::default(), &Job::new());
+    assert!(error.unwrap_err().to_string().contains("got chunk 2 for "));
+    assert!(!at("a").exists());
+}
+
+/// A source that delivers a voxel of one of several parts twice is refused.
+#[test]
+fn voxels_that_come_twice_are_refused_in_each_part() {
+    let folder = tempfile::tempdir().unwrap();
+    let paths = ["a", "b"].map(|name| folder.path().join(name));
+    let parts: Vec<(ChunkSet, &Path)> =
+        (0..).map(|n| ChunkSet::of([n])).zip(paths.iter().map(PathBuf::as_path)).collect();
+    let dims = [2048, 4, 4];
+    let mut voxels = Generated::new(dims, None);
+    // The last slab of the second chunk again, in place of one that has no label of its own.
+    voxels.left =
+        vec![[[0, 1024], [0, 4], [0, 4]], [[1024, 1536], [0, 4], [0, 4]], [[1024, 1536], [0, 4], [0, 4]]];
+    let error = compress_parts(&mut voxels, &parts, &from("a", ""), &CompressOptions::default(), &Job::new());
+    assert!(error.unwrap_err().to_string().contains("blocks of the source overlap"));
+    assert!(paths[0].exists() && !paths[1].exists());
 }
 
 /// Parts of parts, in any order and of chunks side by side or not, are the parts that compressing their chunks gives.
@@ -229,7 +276,8 @@ fn what_does_not_belong_together_is_refused_by_name() {
     let mut source = Generated::new(dims, Some(&"2".parse().unwrap()));
     let path = at("wrong");
     let options = CompressOptions::default();
-    let error = compress_part(&mut source, &set, &from("a", ""), &path, &options, &Job::new()).unwrap_err();
+    let parts = [(set, &*path)];
+    let error = compress_parts(&mut source, &parts, &from("a", ""), &options, &Job::new()).unwrap_err();
     assert!(error.to_string().contains("blocks"), "{error}");
     assert!(!path.exists());
 }

@@ -113,7 +113,7 @@ fn from(fingerprint: &str, reading: &str) -> PartSource {
 
 fn part(path: PathBuf, mut source: Frames, of: &PartSource, options: &CompressOptions) -> PathBuf {
     let chunks = source.chunks.clone().unwrap();
-    compress_series_part(&mut source, &chunks, of, &path, options, &Job::new()).unwrap();
+    compress_series_parts(&mut source, &[(chunks, &path)], of, options, &Job::new()).unwrap();
     path
 }
 
@@ -213,9 +213,9 @@ fn parts_of_other_series_are_refused_by_name() {
 
     // Chunks that the volume does not have, and a frame of another size.
     let mut source = small(3, "0");
-    let (path, chunks) = (at("wrong"), "0,2".parse().unwrap());
-    let error =
-        compress_series_part(&mut source, &chunks, &from("a", ""), &path, &options(1, None), &Job::new());
+    let path = at("wrong");
+    let parts = [("0,2".parse().unwrap(), &*path)];
+    let error = compress_series_parts(&mut source, &parts, &from("a", ""), &options(1, None), &Job::new());
     assert!(error.unwrap_err().to_string().contains("expected numbers from 0 to 1"));
     assert!(!path.exists());
 }

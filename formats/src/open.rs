@@ -98,7 +98,7 @@ fn open_any(
             let source = Box::new(SlabsByChunk::new(info_of_file, regions.clone(), Box::new(open)));
             if is_all { source } else { Box::new(RegionSource::new(source, (info, low), regions)) }
         }
-        Voxels::Stream(open) | Voxels::Pages(open) => {
+        Voxels::Stream(open) => {
             // What lies outside all regions is skipped as far as it can be.
             let window = [0, 1, 2].map(|a| {
                 let low = regions.iter().map(|r| r[a][0]).min().unwrap_or(region[a][0]);
@@ -136,10 +136,8 @@ fn plain_again(
 pub enum Reach {
     /// Any region by itself: a store of chunks, or voxels that are not compressed.
     Regions,
-    /// Layers across this axis (0 to 2 for x to z), without reading those before: pages that are compressed one by one.
-    Layers(usize),
-    /// From first to last only: a compressed stream, or one in an archive.
-    Stream,
+    /// One after another only, with this axis (0 to 2 for x to z) as the slowest: a compressed stream, or compressed pages.
+    InOrder(usize),
 }
 
 /// How the voxels of a source are reached, from its header.
@@ -154,8 +152,7 @@ pub fn reach(path: &Path, options: &OpenOptions) -> std::result::Result<Reach, F
     });
     Ok(match (file.voxels, slowest) {
         (Voxels::Chunks(_) | Voxels::Plain(_), _) => Reach::Regions,
-        (Voxels::Pages(_), axis) => Reach::Layers(axis.unwrap_or(2)),
-        (Voxels::Stream(_), _) => Reach::Stream,
+        (Voxels::Stream(_), axis) => Reach::InOrder(axis.unwrap_or(2)),
     })
 }
 

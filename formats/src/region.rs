@@ -52,6 +52,8 @@ pub(crate) struct RegionSource {
     low: [u64; 3],
     regions: Vec<Region>,
     left: u64,
+    /// Whether the regions have the last voxel of the volume that is delivered, and its end is still to be read.
+    to_end: bool,
     /// Parts of the last block that are still to come.
     parts: Vec<LabelBlock>,
 }
@@ -64,7 +66,9 @@ impl RegionSource {
         regions: Vec<Region>,
     ) -> Self {
         let left = regions.iter().map(|r| r.iter().map(|[low, high]| high - low).product::<u64>()).sum();
-        Self { inner, info, low, regions, left, parts: Vec::new() }
+        let high = [0, 1, 2].map(|a| low[a] + u64::from(info.dims[a]));
+        let to_end = regions.iter().any(|region| region.map(|[_, end]| end) == high);
+        Self { inner, info, low, regions, left, to_end, parts: Vec::new() }
     }
 }
 
@@ -73,7 +77,7 @@ impl BlockSource for RegionSource {
         &self.info
     }
 
-    /// What lies behind the regions' last voxel is not read, so its checksums are not compared.
+    /// What lies behind the regions' last voxel is not read, so its checksums are compared only where that is the last of the file.
     fn next_block(&mut self) -> pumice_core::Result<Option<LabelBlock>> {
         loop {
             if let Some(part) = self.parts.pop() {
@@ -81,6 +85,9 @@ impl BlockSource for RegionSource {
                 return Ok(Some(part));
             }
             if self.left == 0 {
+                if std::mem::take(&mut self.to_end) {
+                    self.inner.next_block()?;
+                }
                 return Ok(None);
             }
             let Some(block) = self.inner.next_block()? else { return Ok(None) };

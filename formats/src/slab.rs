@@ -4,6 +4,7 @@
 //! file axes, fastest first:   list   x   y   z         block = all of list, x, y × 16 steps of z (or fewer: ≤ 16 MiB);
 //!                                                      then every `layer`-th element of list is kept
 //! ```
+//! Blocks end at the faces of chunks across the axis that they are cut along.
 //! Where one plane exceeds the budget, a block has rows of one plane, and at worst voxels of one row. Bytes between blocks (other layers,
 //! time steps, channels) are skipped. Memory: one buffer of stored bytes, and the block that is returned.
 //!
@@ -12,7 +13,7 @@
 use std::cmp::Ordering;
 use std::path::PathBuf;
 
-use pumice_core::{BlockSource, LabelBlock, VolumeInfo};
+use pumice_core::{BlockSource, CHUNK_VOXELS, LabelBlock, VolumeInfo};
 
 use crate::chunk_order::Region;
 use crate::chunk_walk::step;
@@ -134,7 +135,7 @@ impl SlabSource {
         }
         // Read the stored bytes of this block.
         let axes = self.layout.axes().to_vec();
-        let count = self.steps.min(self.window[self.cut][1] - self.at[0]);
+        let count = self.steps.min(self.window[self.cut][1] - self.at[0]).min(self.steps_to_face());
         self.read_block(count)?;
 
         // Remove the data of other layers, from the slowest such axis to the fastest.
@@ -186,6 +187,12 @@ impl SlabSource {
             self.at[i] += 1;
         }
         Ok(Some(LabelBlock { origin, dims, strides, labels }))
+    }
+
+    /// Steps along the axis that blocks are cut along, to the next face of chunks, of which one is the window's.
+    fn steps_to_face(&self) -> u64 {
+        let side = u64::from(CHUNK_VOXELS);
+        side - (self.at[0] - self.window[self.cut][0]) % side
     }
 
     /// Reads the stored bytes of a block of `count` steps into the buffer: run after run, each as long as the window has whole axes.

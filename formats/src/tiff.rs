@@ -114,7 +114,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices,
-        voxels: if compression == Compression::None { Voxels::Plain(stream) } else { Voxels::Pages(stream) },
+        voxels: Voxels::of_stream(stream, compression != Compression::None),
     })
 }
 

@@ -93,7 +93,7 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         element,
         layers: Vec::new(),
         choices: Vec::new(),
-        voxels: if compression == Compression::None { Voxels::Plain(stream) } else { Voxels::Pages(stream) },
+        voxels: Voxels::of_stream(stream, compression != Compression::None),
     })
 }
 

@@ -63,10 +63,8 @@ pub(crate) type OpenStream = Box<dyn FnOnce() -> Result<Box<dyn ByteStream>> + S
 
 /// How the voxels of a file are reached.
 pub(crate) enum Voxels {
-    /// From first to last: a compressed stream, or one with a checksum.
+    /// From first to last: compressed, or with a checksum.
     Stream(OpenStream),
-    /// From first to last, in pages of which any can be the first.
-    Pages(OpenStream),
     /// As they are stored, without compression: what is not wanted is skipped.
     Plain(OpenStream),
     /// Chunk by chunk, in any order.

@@ -4,7 +4,7 @@ use std::path::PathBuf;
 
 use pumice_core::{
     ChunkGrid, ChunkSet, CompressOptions, Outputs, PartSource, VoxelRegion, WrittenVolume,
-    compress_series_part, compress_to_file, merge_parts,
+    compress_series_parts, compress_to_file, merge_parts,
 };
 use pumice_session::{PartRequest, SessionError, describing};
 use pyo3::prelude::*;
@@ -72,7 +72,7 @@ pub(crate) fn compress_part(
     let options = CompressOptions { threads, memory_limit_bytes: memory_limit, ..CompressOptions::default() };
     let from = PartSource { name: source_name, fingerprint, reading: reading.to_string() };
     with_frames(py, frames, &job, |source| {
-        Ok(compress_series_part(source, &chunks, &from, &out, &options, &job)?)
+        Ok(compress_series_parts(source, &[(chunks, &out)], &from, &options, &job)?)
     })?;
     Ok(reading.warnings.list())
 }

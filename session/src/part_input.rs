@@ -1,12 +1,13 @@
 //! What parts are made of: one volume, or a time series, of which a part has its chunks at all time steps.
 
+use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use pumice_core::{
-    ChunkGrid, ChunkSet, CompressOptions, Job, PartSource, SeriesSource as _, VolumeInfo, VoxelRegion,
-    WrittenVolume, compress_part, compress_series_part,
+    BlockSource, ChunkGrid, ChunkSet, CompressOptions, Job, PartSource, SeriesSource as _, VolumeInfo,
+    VoxelRegion, WrittenVolume, compress_parts, compress_series_parts,
 };
-use pumice_formats::{FileSeries, OpenOptions, Reach, TimeSteps, open_series};
+use pumice_formats::{FileSeries, LayerSource, OpenOptions, Reach, TimeSteps, open_series};
 
 use crate::compress_file::limit_error;
 use crate::error::{Result, SessionError};
@@ -62,17 +63,14 @@ impl PartInput {
         Ok(pumice_formats::probe(&self.first, &self.reading_of(0))?.info)
     }
 
-    /// How the voxels are reached: of several files, as of the one that is reached worst. Also returns that file.
-    pub(crate) fn reach(&self) -> Result<(Reach, &Path)> {
-        let mut worst = (Reach::Regions, &*self.first);
+    /// How the voxels are reached: of several files, as of the one that is reached worst.
+    fn reach(&self) -> Result<Reach> {
+        let mut worst = Reach::Regions;
         for file in self.files() {
-            let reach = pumice_formats::reach(file, &self.reading_of(0))?;
-            worst = match (worst.0, reach) {
-                (_, Reach::Stream) => return Ok((reach, file)),
-                // (Layers across two axes: those of the first file divide the voxels as well as those of the second.)
-                (Reach::Regions, Reach::Layers(_)) => (reach, file),
-                _ => worst,
-            };
+            // (Files whose slowest axes differ: the layers of the first divide the voxels as well as those of the others.)
+            if worst == Reach::Regions {
+                worst = pumice_formats::reach(file, &self.reading_of(0))?;
+            }
         }
         Ok(worst)
     }
@@ -98,31 +96,95 @@ impl PartInput {
         Ok(all)
     }
 
-    /// Compresses some chunks into a part. `source` and `info` are those of this input.
-    pub(crate) fn write_part(
-        &self,
-        chunks: &ChunkSet,
-        (source, info): (&PartSource, &VolumeInfo),
-        output: &Path,
-        (threads, memory_limit_bytes): (Option<usize>, Option<u64>),
-        job: &Job,
-    ) -> Result<WrittenVolume> {
+    /// The numbers of all chunks, those together that are read together: as few as the source gives without reading others too.
+    pub(crate) fn groups(&self, info: &VolumeInfo) -> Result<Vec<Vec<u64>>> {
         let grid = ChunkGrid::new(info.dims);
-        let of_input = |e: pumice_core::Error| SessionError::Caller(format!("{}: {e}", self.first.display()));
-        chunks.check(&grid).map_err(of_input)?;
-        let regions: Vec<VoxelRegion> = chunks.iter().filter_map(|number| grid.region(number)).collect();
-        let threads = threads.unwrap_or(0);
-        let options = CompressOptions { threads, memory_limit_bytes, ..CompressOptions::default() };
-        let written = match &self.series {
-            Some(series) => {
-                let mut of_chunks = series.of_regions(regions);
-                compress_series_part(&mut of_chunks, chunks, source, output, &options, job)
-            }
-            None => {
-                let mut of_chunks = pumice_formats::open_regions(&self.first, &self.reading, &regions)?;
-                compress_part(of_chunks.as_mut(), chunks, source, output, &options, job)
-            }
+        ChunkSet::all(&grid).check(&grid)?;
+        let Reach::InOrder(axis) = self.reach()? else {
+            return Ok((0..grid.chunks()).map(|number| vec![number]).collect());
         };
-        written.map_err(|e| limit_error(e, &self.first, memory_limit_bytes))
+        let mut layers: BTreeMap<u32, Vec<u64>> = BTreeMap::new();
+        for number in 0..grid.chunks() {
+            if let Some(origin) = grid.origin(number) {
+                layers.entry(origin[axis]).or_default().push(number);
+            }
+        }
+        Ok(layers.into_values().collect())
+    }
+}
+
+/// Compresses chunks of an input into parts.
+pub(crate) struct PartWriter<'a> {
+    input: &'a PartInput,
+    /// What the parts say of the input.
+    source: &'a PartSource,
+    /// The input's description.
+    info: &'a VolumeInfo,
+    threads: Option<usize>,
+    memory_limit_bytes: Option<u64>,
+    /// The source of all chunks that are to be compressed, where it is read once from its beginning.
+    layers: Option<LayerSource>,
+}
+
+/// Chunks, and the path of the part that they are compressed into.
+pub(crate) type PartAt<'a> = (ChunkSet, &'a Path);
+
+impl<'a> PartWriter<'a> {
+    /// Begins to compress chunks of `input`, which `source` and `info` describe.
+    pub(crate) fn new(
+        input: &'a PartInput,
+        (source, info): (&'a PartSource, &'a VolumeInfo),
+        (threads, memory_limit_bytes): (Option<usize>, Option<u64>),
+    ) -> Self {
+        Self { input, source, info, threads, memory_limit_bytes, layers: None }
+    }
+
+    /// Says which parts are to be written, in the order of [`PartInput::groups`]: a volume that has to be read from its beginning is then read once
+    /// for all of them. A time series is read anew for each group.
+    pub(crate) fn expect<'p>(&mut self, parts: impl Iterator<Item = &'p PartAt<'p>>) -> Result<()> {
+        let regions = self.regions(parts)?;
+        if let (Reach::InOrder(axis), None, false) =
+            (self.input.reach()?, &self.input.series, regions.is_empty())
+        {
+            self.layers = Some(LayerSource::new(self.open(&regions)?, axis));
+        }
+        Ok(())
+    }
+
+    /// Writes parts whose voxels are read together.
+    pub(crate) fn write(&mut self, parts: &[PartAt<'_>], job: &Job) -> Result<Vec<WrittenVolume>> {
+        let options = CompressOptions {
+            threads: self.threads.unwrap_or(0),
+            memory_limit_bytes: self.memory_limit_bytes,
+            ..CompressOptions::default()
+        };
+        let regions = self.regions(parts.iter())?;
+        let written = match (&self.input.series, &mut self.layers) {
+            (Some(series), _) => {
+                compress_series_parts(&mut series.of_regions(regions), parts, self.source, &options, job)
+            }
+            (None, Some(layers)) => {
+                layers.up_to(&regions);
+                compress_parts(layers, parts, self.source, &options, job)
+            }
+            (None, None) => compress_parts(self.open(&regions)?.as_mut(), parts, self.source, &options, job),
+        };
+        written.map_err(|e| limit_error(e, &self.input.first, self.memory_limit_bytes))
+    }
+
+    fn open(&self, regions: &[VoxelRegion]) -> Result<Box<dyn BlockSource>> {
+        Ok(pumice_formats::open_regions(&self.input.first, &self.input.reading, regions)?)
+    }
+
+    /// The regions of all chunks of some parts.
+    fn regions<'p>(&self, parts: impl Iterator<Item = &'p PartAt<'p>>) -> Result<Vec<VoxelRegion>> {
+        let grid = ChunkGrid::new(self.info.dims);
+        let mut regions = Vec::new();
+        for (chunks, _) in parts {
+            let of_input = |e| SessionError::Caller(format!("{}: {e}", self.input.first.display()));
+            chunks.check(&grid).map_err(of_input)?;
+            regions.extend(chunks.iter().filter_map(|number| grid.region(number)));
+        }
+        Ok(regions)
     }
 }

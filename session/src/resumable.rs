@@ -2,24 +2,22 @@
 //!
 //! ```text
 //! OUT.pumice.parts/     manifest.json      source, options, how many parts
-//!                       000000.part …      a chunk each, or a layer of chunks, at all time steps: whole files under their names, or not there
+//!                       000000.part …      a chunk each, at all time steps: whole files under their names, or not there
 //! all parts there       merged to OUT.pumice, which appears at once; then the folder is removed
 //! ```
-//! What can be lost is the part that was being made.
+//! What can be lost is the part that was being made. Where voxels have to be read one after another, the parts of a layer of chunks are made when
+//! all of it is read, and what was read of it is lost too.
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::{
-    ChunkGrid, ChunkSet, CompressionLevel, Job, PartSource, VolumeInfo, read_input, write_text,
-};
-use pumice_formats::Reach;
+use pumice_core::{ChunkSet, CompressionLevel, Job, PartSource, read_input, write_text};
 use serde::{Deserialize, Serialize};
 
 use crate::compress_file::{CompressOutcome, CompressRequest, LabelsGiven};
 use crate::error::{Result, SessionError, io};
 use crate::measure::Stopwatch;
 use crate::part_files::{MergeRequest, merge_with};
-use crate::part_input::PartInput;
+use crate::part_input::{PartAt, PartInput, PartWriter};
 
 /// What to do with the parts that an interrupted compression left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -71,8 +69,7 @@ pub(crate) fn check_no_leftovers(output: &Path) -> Result<()> {
 /// Compresses a file into a `.pumice` file, part by part: after an interrupt, the same call goes on with the parts that are there.
 ///
 /// # Errors
-/// As [`crate::compress_file()`]; for a source that can only be read from its beginning, and for parts of another source or of one that has
-/// changed since. The error says how many parts are kept.
+/// As [`crate::compress_file()`]; for parts of another source or of one that has changed since. The error says how many parts are kept.
 pub fn compress_resumable(request: &CompressRequest, kept: KeptParts, job: &Job) -> Result<CompressOutcome> {
     let (types, table) = (request.types.as_deref(), request.table.as_deref());
     compress_resumable_with(request, || LabelsGiven::read(types, table, &request.reading.outputs), kept, job)
@@ -96,29 +93,40 @@ pub fn compress_resumable_with(
     let labels = labels()?;
     let input = PartInput::new(&request.inputs, request.time_steps, reading)?;
     let info = input.info()?;
-    let groups = groups(&input, &info)?;
+    let groups = input.groups(&info)?;
+    let chunks: usize = groups.iter().map(Vec::len).sum();
     let manifest = Manifest {
         about: "finished parts of an interrupted `pumice compress`, for --resume".into(),
         source: input.source()?,
         changes: input.changes()?,
         dims: info.dims,
-        parts: groups.len(),
+        parts: chunks,
     };
     if kept == KeptParts::Remove {
         remove(&folder)?;
     }
     prepare(&folder, &manifest)?;
-    let parts: Vec<PathBuf> = (0..groups.len()).map(|i| folder.join(format!("{i:06}.part"))).collect();
+    let parts: Vec<PathBuf> = (0..chunks).map(|i| folder.join(format!("{i:06}.part"))).collect();
     let done = || parts.iter().filter(|part| part.exists()).count();
     let making = making_share(request.level);
     let work = || {
-        for (i, (chunks, part)) in groups.iter().zip(&parts).enumerate() {
+        let missing = |group: &Vec<u64>| -> Vec<PartAt<'_>> {
+            let parts = group.iter().map(|&number| (ChunkSet::of([number]), &*parts[number as usize]));
+            parts.filter(|(_, part)| !part.exists()).collect()
+        };
+        let missing: Vec<Vec<PartAt<'_>>> = groups.iter().map(missing).collect();
+        let limits = (request.threads, request.memory_limit_bytes);
+        let mut writer = PartWriter::new(&input, (&manifest.source, &info), limits);
+        writer.expect(missing.iter().flatten())?;
+        let mut before = 0;
+        for (group, missing) in groups.iter().zip(&missing) {
             job.check()?;
-            let ended = |parts: usize| making * parts as f64 / groups.len() as f64;
-            job.begin_part(ended(i)..ended(i + 1));
-            if !part.exists() {
-                let limits = (request.threads, request.memory_limit_bytes);
-                input.write_part(chunks, (&manifest.source, &info), part, limits, job)?;
+            let at = |parts: usize| making * parts as f64 / chunks as f64;
+            // Of a layer some parts may be there, and the rest take their time.
+            job.begin_part(at(before + group.len() - missing.len())..at(before + group.len()));
+            before += group.len();
+            if !missing.is_empty() {
+                writer.write(missing, job)?;
             }
         }
         if input.changes()? != manifest.changes {
@@ -157,30 +165,6 @@ fn making_share(level: CompressionLevel) -> f64 {
     match level {
         CompressionLevel::Default | CompressionLevel::Fast => 0.87,
         CompressionLevel::Small => 0.4,
-    }
-}
-
-/// The chunks of each part: as few as the source gives without reading others too.
-fn groups(input: &PartInput, info: &VolumeInfo) -> Result<Vec<ChunkSet>> {
-    let grid = ChunkGrid::new(info.dims);
-    ChunkSet::all(&grid).check(&grid)?;
-    let (reach, file) = input.reach()?;
-    match reach {
-        Reach::Regions => Ok((0..grid.chunks()).map(|number| ChunkSet::of([number])).collect()),
-        Reach::Layers(axis) => {
-            let mut layers: std::collections::BTreeMap<u32, Vec<u64>> = Default::default();
-            for number in 0..grid.chunks() {
-                if let Some(origin) = grid.origin(number) {
-                    layers.entry(origin[axis]).or_default().push(number);
-                }
-            }
-            Ok(layers.into_values().map(ChunkSet::of).collect())
-        }
-        Reach::Stream => Err(SessionError::Caller(format!(
-            "{}: --resume and --restart: its voxels are one stream, compressed or in an archive, which can only be read from its beginning, so no parts are \
-             kept; compress it without the option, or store it as Zarr, or without compression",
-            file.display()
-        ))),
     }
 }
 

@@ -81,6 +81,7 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
         (root.join("blender-addon/tests/window_pick.py"), "window_pick.py"),
         (root.join("blender-addon/tests/window_drop.py"), "window_drop.py"),
         (root.join("blender-addon/tests/window_series.py"), "window_series.py"),
+        (root.join("blender-addon/tests/window_stores.py"), "window_stores.py"),
         (root.join("blender-addon/tests/xdnd_source.py"), "xdnd_source.py"),
         (scripts.join("drive.sh"), "drive.sh"),
         (root.join(VOLUME), "volume.tif"),

@@ -37,7 +37,7 @@ use crate::{
 /// What memory is for, in errors.
 const LABELS: &str = "the table of labels";
 
-/// Joins the parts of a volume ([`crate::compress_part`]) or of a time series ([`crate::compress_series_part`]), in any order, to the file that
+/// Joins the parts of a volume ([`crate::compress_parts`]) or of a time series ([`crate::compress_series_parts`]), in any order, to the file that
 /// [`crate::compress_to_file`] or [`crate::compress_series_to_file`] makes of the whole at once: byte for byte, at each level. Before the file
 /// is written, `describe` may give names, types and numbers to the labels of a volume without boxes.
 ///
@@ -58,8 +58,8 @@ pub fn merge_parts(
     merge_open(&parts, ids, path, (level, None), options, describe, job)
 }
 
-/// Joins parts of a volume or of a time series, in any order, to one part: the file that [`crate::compress_part`] or
-/// [`crate::compress_series_part`] makes of all of their chunks at once, byte for byte. [`CompressOptions::types`] has no effect.
+/// Joins parts of a volume or of a time series, in any order, to one part: the file that [`crate::compress_parts`] or
+/// [`crate::compress_series_parts`] makes of all of their chunks at once, byte for byte. [`CompressOptions::types`] has no effect.
 ///
 /// # Errors
 /// As [`merge_parts`]; but chunks may be missing.

@@ -167,7 +167,7 @@ pub(super) fn decode(
         decode_piece(piece, stream, dims, number, &store, &fault, job)
     };
     let touching: Vec<Vec<u64>> = pieces.par_iter().map(decode).collect::<std::result::Result<_, Stop>>()?;
-    let known = Known { labelled: None, touching: Some(touching.concat()) };
+    let known = Known { labelled: None, touching: Some(touching.concat()), share: 1.0 };
     let parts = store.into_parts()?;
     let mut volume = volume_of_parts(info, parts, &known, &CompressOptions::default(), &folder, job)?;
     // Its content hash is that of a volume with these ids.
