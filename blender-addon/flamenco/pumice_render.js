@@ -5,14 +5,14 @@
 //
 //     frames "1-30, 40", chunk size 10 ──► frameChunker ──► a task a chunk ──► blender {blenderArgs} FILE … --render-frame 1..10
 //
-// It differs from Flamenco's own Simple Blender Render in four arguments, all before the frames:
+// It differs from Flamenco's own Simple Blender Render in these, all before the frames:
 //
 //     --engine PUMICE           a node without the extension fails; without this argument Blender draws the proxies with another engine
 //     --python-exit-code 1      a node where the next argument fails, fails
-//     --python-expr …           settings of the node's extension (memory limit, processor) and samples, where the job sets them
+//     --python-expr …           also settings of the node's extension (memory limit, processor) and samples, where the job sets them
 //     chunks of ten frames      an open volume, and what rays need of it, serve all frames of a chunk
 //
-// It makes no preview video. Copy it into the folder `scripts` beside flamenco-manager, and restart that.
+// It makes no preview video. Copy it into the folder `scripts` beside flamenco-manager.
 
 const JOB_TYPE = {
     label: "Pumice Render",
@@ -73,13 +73,16 @@ function compileJob(job) {
     settings.render_output_path = settings.render_output_path.split("{timestamp}").join(formatTimestampLocal(job.created));
     for (const chunk of frameChunker(settings.frames, settings.chunk_size)) {
         const task = author.Task("render-" + chunk, "blender");
-        task.addCommand(author.Command("blender-render", {
+        const parameters = {
             exe: "{blender}",
             exeArgs: "{blenderArgs}",
             argsBefore: [],
             blendfile: settings.blendfile,
             args: blenderArguments(settings, chunk),
-        }));
+        };
+        // Flamenco 3.8 and newer show how many of these steps are done.
+        const steps = typeof frameCount === "function" ? frameCount(chunk) : 0;
+        task.addCommand(author.Command("blender-render", parameters, steps));
         job.addTask(task);
     }
 }
@@ -87,27 +90,33 @@ function compileJob(job) {
 // What follows the file in a call of Blender, which obeys arguments in their order.
 function blenderArguments(settings, chunk) {
     const scene = settings.scene ? ["--scene", settings.scene] : [];
-    const code = nodeSettings(settings);
-    const python = code ? ["--python-exit-code", "1", "--python-expr", code] : [];
+    const python = ["--python-exit-code", "1", "--python-expr", pythonSettings(settings)];
     const frames = ["--render-output", settings.render_output_path, "--render-frame", chunk.split("-").join("..")];
     return scene.concat(["--engine", "PUMICE"], python, frames);
 }
 
-// The Python that sets what the job sets; empty where it leaves all as it is.
-function nodeSettings(settings) {
-    const lines = [];
+// The Python that sets how pictures are written, and what the job sets.
+function pythonSettings(settings) {
+    // A task that runs once more draws only the frames whose pictures are not there, and their names have the format's extension. Flamenco's
+    // add-on set both in the file that it sent, and since version 3.9 leaves them to the job type.
+    const lines = [
+        "import bpy",
+        "render = bpy.context.scene.render",
+        "render.use_overwrite = render.use_placeholder = False",
+        "render.use_file_extension = True",
+    ];
+    if (settings.memory_limit > 0 || settings.device === "cpu") {
+        // The name of the extension begins with that of the repository that the node has installed it in.
+        lines.push("p = next(a.preferences for a in bpy.context.preferences.addons if a.module.split('.')[-1] == 'pumice')");
+    }
     if (settings.memory_limit > 0) {
         lines.push("p.memory_limit = " + Math.floor(settings.memory_limit));
     }
     if (settings.device === "cpu") {
         lines.push("p.backend = 'cpu'");
     }
-    if (lines.length) {
-        // The name of the extension begins with that of the repository that the node has installed it in.
-        lines.unshift("p = next(a.preferences for a in bpy.context.preferences.addons if a.module.split('.')[-1] == 'pumice')");
-    }
     if (settings.samples > 0) {
         lines.push("bpy.context.scene.pumice.samples = " + Math.floor(settings.samples));
     }
-    return lines.length ? ["import bpy"].concat(lines).join("; ") : "";
+    return lines.join("; ");
 }
