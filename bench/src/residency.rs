@@ -1,5 +1,5 @@
-//! Measures pictures of volumes that are drawn from disk: seconds against bytes in memory, and that every picture has the bits of the one
-//! with everything in memory.
+//! Measures pictures of volumes that are drawn from disk: seconds and error against bytes in memory, and that every picture has the bits of the
+//! one with everything in memory.
 
 use std::path::{Path, PathBuf};
 use std::sync::Arc;
@@ -10,20 +10,23 @@ use pumice_formats::OpenOptions;
 use pumice_scene::Scene;
 use pumice_session::error::{Result, SessionError};
 use pumice_session::figure::{FigureOptions, compose};
+use pumice_session::plot::{Axes, Curve, log_log_svg};
 use pumice_session::render_file::render_scene;
-use pumice_session::{LoadedScene, PageFigures, Rendered, Residence, Stop, Stopwatch, open_volume};
+use pumice_session::{
+    CurvePoint, LoadedScene, PageFigures, Rendered, Residence, Stop, Stopwatch, open_volume,
+};
 use pumice_transport::RenderError;
 use serde::Serialize;
 
 use crate::console::{BenchResult, Console, Outcome};
-use crate::files::{file_name, scratch};
+use crate::files::{file_name, scratch, write_results};
 use crate::mirrored::Mirrored;
 use crate::table::{Row, TableFlags};
 
 /// Seconds of a picture against the bytes of its volume that are in memory
 ///
 /// Draws each volume with everything in memory, and then from disk within a limit: all of it, a half, a quarter, an eighth, for each size
-/// of a page. Exit code 1 if a picture differs by a bit.
+/// of a page. With --out, plots the estimated error over CPU seconds too, a curve for each limit. Exit code 1 if a picture differs by a bit.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
     #[command(flatten)]
@@ -74,6 +77,8 @@ pub struct Drawn {
     pub ratios: [f64; 2],
     /// Whether the picture has the bits of the one with everything in memory.
     pub is_same: bool,
+    /// Estimated error against run time.
+    pub curve: Vec<CurvePoint>,
 }
 
 pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchResult<Outcome> {
@@ -86,7 +91,42 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
         other => format!("residency_{}", other.replace(':', "_")),
     };
     flags.table.show(&name, &rows, console)?;
+    if let Some(folder) = &flags.table.out {
+        let of_volumes = rows.chunk_by(|a, b| a.volume == b.volume);
+        let plots: Result<Vec<(String, String)>> = of_volumes.map(|rows| plot(&name, rows)).collect();
+        write_results(folder, plots?)?;
+    }
     Ok(Outcome::of(rows.iter().all(|row| row.is_same || row.pages.is_err())))
+}
+
+/// Name and content of the plot of a volume's rows.
+fn plot(name: &str, rows: &[Drawn]) -> Result<(String, String)> {
+    let named = |row: &Drawn| {
+        let megabytes = row.most_bytes()? as f64 / 1e6;
+        Some(match row.page_voxels {
+            None => format!("all in memory, {megabytes:.0} MB"),
+            Some(side) => format!("pages of {side}³, {megabytes:.0} MB"),
+        })
+    };
+    let names: Vec<Option<String>> = rows.iter().map(named).collect();
+    let point =
+        |p: &CurvePoint| Some((p.cpu_seconds.max(1e-3), 100.0 * p.error_estimate.filter(|&e| e > 0.0)?));
+    let curves: Vec<Curve<'_>> = std::iter::zip(&names, rows)
+        .filter_map(|(name, row)| {
+            Some(Curve { name: name.as_deref()?, points: row.curve.iter().filter_map(point).collect() })
+        })
+        .collect();
+    let axes = Axes {
+        x: "CPU seconds",
+        y: "estimated relative error, %",
+        y_digits: 2,
+        slope: Some((-0.5, "1/√time")),
+    };
+    let volume = rows.first().map_or("", |row| &row.volume);
+    let title = format!("Estimated error of {volume}, by bytes of the volume in memory");
+    let svg = log_log_svg(&title, &axes, &curves).map_err(SessionError::Caller)?;
+    let stem = Path::new(volume).file_stem().unwrap_or_default().to_string_lossy();
+    Ok((format!("{name}_{stem}_error.svg"), svg))
 }
 
 fn measure(input: &Path, flags: &Flags, job: &Job) -> Result<Vec<Drawn>> {
@@ -128,6 +168,7 @@ fn measure(input: &Path, flags: &Flags, job: &Job) -> Result<Vec<Drawn>> {
         seconds: of(&whole),
         ratios: [1.0; 2],
         is_same: true,
+        curve: whole.figures.curve.clone(),
     };
     let mut rows = vec![row.clone()];
     for &page_voxels in &flags.pages {
@@ -136,15 +177,15 @@ fn measure(input: &Path, flags: &Flags, job: &Job) -> Result<Vec<Drawn>> {
             let row = Drawn { page_voxels: Some(page_voxels), part: Some(part), ..row.clone() };
             rows.push(match draw(Residence::Paged { memory, page_voxels }) {
                 Err(SessionError::Render(error @ (RenderError::Scene(_) | RenderError::Device(_)))) => {
-                    Drawn { pages: Err(error.to_string()), is_same: false, ..row }
+                    Drawn { pages: Err(error.to_string()), is_same: false, curve: Vec::new(), ..row }
                 }
                 drawn => {
                     let (same_scene, rendered, _, opening_seconds) = drawn?;
                     let seconds = of(&rendered);
                     let is_same = same_scene == scene && rendered.picture.color == whole.picture.color;
                     let ratios = [0, 1].map(|i| seconds[i] / row.seconds[i]);
-                    let pages = Ok(rendered.figures.pages);
-                    Drawn { pages, opening_seconds, seconds, ratios, is_same, ..row }
+                    let (pages, curve) = (Ok(rendered.figures.pages), rendered.figures.curve);
+                    Drawn { pages, opening_seconds, seconds, ratios, is_same, curve, ..row }
                 }
             });
         }
@@ -170,6 +211,17 @@ fn make(input: &Path, copies: &[u32], file: &Path, job: &Job) -> Result<()> {
     Ok(())
 }
 
+impl Drawn {
+    /// The most bytes of the volume that were in memory at once; `None` where nothing was drawn.
+    fn most_bytes(&self) -> Option<u64> {
+        match (&self.pages, self.part) {
+            (Ok(Some(pages)), _) => Some(pages.most_bytes),
+            (_, None) => Some(self.bytes_whole),
+            (_, Some(_)) => None,
+        }
+    }
+}
+
 impl Row for Drawn {
     fn cells(&self) -> Vec<(&'static str, String)> {
         let dims = self.dims.map(|d| d.to_string()).join(" × ");
@@ -180,18 +232,13 @@ impl Row for Drawn {
             Ok(pages) => (*pages, true),
             Err(_) => (None, false),
         };
-        let most = match (pages, self.part) {
-            (Some(pages), _) => Some(pages.most_bytes),
-            (None, None) => Some(self.bytes_whole),
-            (None, Some(_)) => None,
-        };
         let figure = |value: String| if drawn { value } else { "–".into() };
         vec![
             ("volume", format!("{}, {dims}", self.volume)),
             ("page", self.page_voxels.map_or("none: all in memory".into(), |side| format!("{side}³"))),
             ("limit, bytes", number(self.part.map(|part| self.bytes_whole / part))),
             ("of everything", self.part.map_or("–".into(), |part| format!("1/{part}"))),
-            ("most in memory, bytes", number(most)),
+            ("most in memory, bytes", number(self.most_bytes())),
             ("all pages, bytes", number(pages.map(|p| p.bytes_of_all))),
             ("pages", number(pages.map(|p| p.pages))),
             ("loads", number(pages.map(|p| p.loads))),

@@ -125,9 +125,11 @@ VIEWS = {
 
 
 @pytest.mark.parametrize("view", VIEWS)
-def test_cells_are_where_neuroglancer_draws_them(stored, view):
+@pytest.mark.parametrize("says_dimensions", [True, False])
+def test_cells_are_where_neuroglancer_draws_them(stored, view, says_dimensions):
+    """A state without `dimensions` has those of its first layer, 16 × 16 × 40 nm."""
     fields = state(**VIEWS[view])
-    scene, volumes = opened(fields, stored)
+    scene, volumes = opened({name: value for name, value in fields.items() if says_dimensions or name != "dimensions"}, stored)
     ids = pumice.render(scene, volumes, spp=1).ids()
     seen = 0
     for label, centre in CENTRES.items():

@@ -20,7 +20,7 @@ use pumice_scene::{
 
 use super::color::color_of;
 use super::source::local_path;
-use super::state::{Layer, State};
+use super::state::{Height, Layer, State};
 use crate::error::{Result, SessionError, io};
 use crate::figure::{DIAGONAL, MaterialPreset, key_light, linear, sky};
 use crate::open::{Residence, open_chosen};
@@ -67,7 +67,7 @@ pub fn open_state(
     if let Some((name, _)) = copies.iter().find(|(name, _)| state.layers.iter().all(|l| l.name != *name)) {
         return wrong(format!("--layer-file {name}: the state shows no such layer; it shows {}", names()));
     }
-    let mut opened = Vec::new();
+    let (mut opened, mut metres) = (Vec::new(), state.metres);
     for layer in &state.layers {
         let copy = copies.iter().rev().find(|(name, _)| *name == layer.name).map(|(_, path)| path.clone());
         let Some(path) = copy.or_else(|| local_path(&layer.url, folder)) else {
@@ -76,18 +76,24 @@ pub fn open_state(
                 "layer {name} lies on a server, at {url}: copy what the picture needs, and give it with --layer-file {name}=PATH"
             ));
         };
-        opened.push(open_layer(state, layer, path, (reading, residence.clone()), job)?);
+        let place = (state.stretch, &mut metres);
+        opened.push(open_layer(layer, path, place, (reading, residence.clone()), job)?);
     }
+    let metres = metres.unwrap_or([1.0; 3]);
 
     // What the view turns around, and how high it is there.
     let bounds = bounds(&opened);
     let stretch = DVec3::from_array(state.stretch);
     let centre = match state.position {
-        Some(steps) => DVec3::from_array(steps) * DVec3::from_array(state.metres) * stretch,
+        Some(steps) => DVec3::from_array(steps) * DVec3::from_array(metres) * stretch,
         None => (bounds[0] + bounds[1]) / 2.0,
     };
     let reach = (centre - bounds[0]).abs().max((bounds[1] - centre).abs()).length();
-    let height = state.height_metres.unwrap_or(2.0 * reach);
+    let height = match state.height {
+        Some(Height::Steps(steps)) => steps * (DVec3::from_array(metres) * stretch).min_element(),
+        Some(Height::Metres(height)) => height,
+        None => 2.0 * reach,
+    };
     let scale = DIAGONAL / height;
 
     // Neuroglancer's camera looks along its z with y down.
@@ -137,10 +143,12 @@ pub fn open_state(
     Ok(OpenedState { scene, volumes })
 }
 
+/// Opens a layer, of which a metre is drawn `stretch` long along each axis. `metres` is the length of the state's steps, and becomes that of the
+/// layer's voxels where the state says none.
 fn open_layer<'s>(
-    state: &State,
     layer: &'s Layer,
     path: PathBuf,
+    (stretch, metres): ([f64; 3], &mut Option<[f64; 3]>),
     (reading, residence): (&OpenOptions, Residence),
     job: &Job,
 ) -> Result<Opened<'s>> {
@@ -166,20 +174,22 @@ fn open_layer<'s>(
         )),
         None => {}
     }
-    let metres = DVec3::from_array(state.metres);
     let info = volume.info();
     let metres_from_index = match metres_of(info.unit) {
-        Some(unit) => DAffine3::from_scale(DVec3::splat(unit)) * info.world_from_index,
+        Some(unit) => {
+            metres.get_or_insert(info.spacing().map(|length| length * unit));
+            DAffine3::from_scale(DVec3::splat(unit)) * info.world_from_index
+        }
         None => {
             reading.warnings.push(format!(
                 "layer {name}: {} has no unit: its voxels are taken for the steps of the state",
                 path.display()
             ));
-            DAffine3::from_scale(metres)
+            DAffine3::from_scale(DVec3::from_array(*metres.get_or_insert([1.0; 3])))
         }
     };
     let source = path.canonicalize().map_err(io(&path))?;
-    let drawn_from_index = DAffine3::from_scale(DVec3::from_array(state.stretch)) * metres_from_index;
+    let drawn_from_index = DAffine3::from_scale(DVec3::from_array(stretch)) * metres_from_index;
     Ok(Opened { layer, source, volume, ids, drawn_from_index })
 }
 

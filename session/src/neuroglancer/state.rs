@@ -23,22 +23,30 @@ const AXES: [&str; 3] = ["x", "y", "z"];
 /// A state of Neuroglancer, as far as a picture shows it.
 #[derive(Clone, Debug, PartialEq)]
 pub struct State {
-    /// Metres of one step along x, y and z.
-    pub(super) metres: [f64; 3],
+    /// Metres of one step along x, y and z; `None` where the state leaves them to its first layer, whose voxels they then are.
+    pub(super) metres: Option<[f64; 3]>,
     /// How much longer than that the steps are drawn.
     pub(super) stretch: [f64; 3],
     /// What the view turns around, in steps.
     pub(super) position: Option<[f64; 3]>,
     /// From the view, x right, y down, z away, to the volume.
     pub(super) orientation: DQuat,
-    /// Height of the picture at the position, in metres as they are drawn.
-    pub(super) height_metres: Option<f64>,
+    /// Height of the picture at the position.
+    pub(super) height: Option<Height>,
     pub(super) is_orthographic: bool,
     /// Display colour behind everything, sRGB-encoded.
     pub(super) background_srgb: Option<[f32; 3]>,
     pub(super) layers: Vec<Layer>,
     /// What a picture does not show of the state, a line each.
     pub(super) left_out: Vec<String>,
+}
+
+/// A height as it is drawn.
+#[derive(Clone, Copy, Debug, PartialEq)]
+pub(super) enum Height {
+    /// In steps of the axis whose steps are the shortest.
+    Steps(f64),
+    Metres(f64),
 }
 
 /// A layer of segments that are shown.
@@ -228,7 +236,7 @@ struct RawLayer {
 
 /// Steps along x, y and z.
 struct Steps {
-    metres: [f64; 3],
+    metres: Option<[f64; 3]>,
     /// How much longer they are drawn.
     stretch: [f64; 3],
     /// Which of the state's dimensions they are.
@@ -252,12 +260,14 @@ impl RawState {
         if !(orientation.length() > 0.0 && orientation.is_finite()) {
             return Err(format!("projectionOrientation: expected a rotation, got {quaternion:?}"));
         }
-        // A step of the shortest axis as it is drawn.
-        let unit = (0..3).map(|a| metres[a] * stretch[a]).fold(f64::INFINITY, f64::min);
         let old_zoom = |zoom: f64| 200.0 * (std::f64::consts::PI / 8.0).tan() * 1e-9 * zoom;
-        let height_metres =
-            self.projection_scale.map(|scale| scale * unit).or(self.perspective_zoom.map(old_zoom));
-        if height_metres.is_some_and(|height| !(height > 0.0 && height.is_finite())) {
+        let height = self
+            .projection_scale
+            .map(Height::Steps)
+            .or(self.perspective_zoom.map(|zoom| Height::Metres(old_zoom(zoom))));
+        if let Some(Height::Steps(h) | Height::Metres(h)) = height
+            && !(h > 0.0 && h.is_finite())
+        {
             return Err("projectionScale: expected a number above 0".into());
         }
         let background = self.projection_background_color.or(self.perspective_view_background_color);
@@ -270,7 +280,7 @@ impl RawState {
             stretch,
             position,
             orientation: orientation.normalize(),
-            height_metres,
+            height,
             is_orthographic: orthographic.and_then(Value::as_bool).unwrap_or(false),
             background_srgb,
             layers,
@@ -285,11 +295,8 @@ impl RawState {
         let Some(InOrder(dimensions)) = &self.dimensions else {
             let legacy =
                 self.navigation.as_ref().and_then(|n| n.pose.as_ref()?.position.as_ref()?.voxel_size);
-            let Some(nanometres) = legacy else {
-                return Err("dimensions: expected the lengths of x, y and z, got none".into());
-            };
-            let metres = lengths(nanometres.map(|n| 1e-9 * n))?;
-            return Ok(Steps { metres, stretch: [1.0; 3], places: [0, 1, 2] });
+            let metres = legacy.map(|nanometres| lengths(nanometres.map(|n| 1e-9 * n))).transpose()?;
+            return Ok(Steps { metres, stretch: self.stretch()?, places: [0, 1, 2] });
         };
         let mut places = [0; 3];
         let mut metres = [0.0; 3];
@@ -300,8 +307,11 @@ impl RawState {
             let (scale, unit) = &dimensions[places[a]].1;
             metres[a] = scale * metres_of(unit)?;
         }
-        let stretch = AXES.map(|axis| self.relative_display_scales.get(axis).copied().unwrap_or(1.0));
-        Ok(Steps { metres: lengths(metres)?, stretch: lengths(stretch)?, places })
+        Ok(Steps { metres: Some(lengths(metres)?), stretch: self.stretch()?, places })
+    }
+
+    fn stretch(&self) -> Result<[f64; 3], String> {
+        lengths(AXES.map(|axis| self.relative_display_scales.get(axis).copied().unwrap_or(1.0)))
     }
 }
 
