@@ -16,6 +16,14 @@ pub(crate) fn file_name(path: &Path) -> String {
     path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned()
 }
 
+/// Name of a table whose pictures a backend draws: `types`, `types_vulkan-compute`.
+pub(crate) fn of_backend(table: &str, backend: &str) -> String {
+    match backend {
+        "cpu" => table.to_owned(),
+        other => format!("{table}_{}", other.replace(':', "_")),
+    }
+}
+
 /// Writes files, given as names and texts, into `folder`, which is created if missing.
 pub(crate) fn write_results(folder: &Path, files: impl IntoIterator<Item = (String, String)>) -> Result<()> {
     std::fs::create_dir_all(folder).map_err(io(folder))?;

@@ -19,7 +19,7 @@ use pumice_transport::RenderError;
 use serde::Serialize;
 
 use crate::console::{BenchResult, Console, Outcome};
-use crate::files::{file_name, scratch, write_results};
+use crate::files::{file_name, of_backend, scratch, write_results};
 use crate::mirrored::Mirrored;
 use crate::table::{Row, TableFlags};
 
@@ -86,10 +86,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     for volume in &flags.table.volumes {
         rows.extend(measure(volume, flags, job)?);
     }
-    let name = match flags.backend.as_str() {
-        "cpu" => "residency".to_owned(),
-        other => format!("residency_{}", other.replace(':', "_")),
-    };
+    let name = of_backend("residency", &flags.backend);
     flags.table.show(&name, &rows, console)?;
     if let Some(folder) = &flags.table.out {
         let of_volumes = rows.chunk_by(|a, b| a.volume == b.volume);

@@ -20,7 +20,7 @@ use pumice_transport::Renderer;
 use serde::Serialize;
 
 use crate::console::{BenchResult, Console, Outcome};
-use crate::files::{file_name, scratch};
+use crate::files::{file_name, of_backend, scratch};
 use crate::table::{Row, TableFlags};
 
 /// The levels whose files open differently.
@@ -85,7 +85,7 @@ pub(crate) fn run(flags: &Flags, job: &Job, console: &mut Console<'_>) -> BenchR
     for volume in &flags.table.volumes {
         rows.extend(measure(volume, flags, job)?);
     }
-    flags.table.show("types", &rows, console)?;
+    flags.table.show(&of_backend("types", &flags.backend), &rows, console)?;
     Ok(Outcome::of(rows.iter().all(|row| row.is_same)))
 }
 
