@@ -240,6 +240,7 @@ def test_each_part_is_that_of_one_chunk(pumice, sources, whole, tmp_path, kind):
     for chunk in (0, 3, 4):
         parts[chunk].unlink()
     assert "3 of 6 parts are kept in" in run(pumice, *args, file_size_limit=500).refused()
+    assert run(pumice, *args, "--level", "small", meanwhile=end).code != 0
     assert parts[1].stat().st_mtime_ns == stamp
     run(pumice, *args).fine()
     assert out.read_bytes() == whole("default") and not folder.exists()
