@@ -139,9 +139,9 @@ impl<'a> PartWriter<'a> {
         Self { input, source, info, threads, memory_limit_bytes, layers: None }
     }
 
-    /// Says which parts are to be written, in the order of [`PartInput::groups`]: a volume that has to be read from its beginning is then read once
+    /// Takes the parts that are to be written, in the order of [`PartInput::groups`]: a volume that has to be read from its beginning is then read once
     /// for all of them. A time series is read anew for each group.
-    pub(crate) fn expect<'p>(&mut self, parts: impl Iterator<Item = &'p PartAt<'p>>) -> Result<()> {
+    pub(crate) fn announce<'p>(&mut self, parts: impl Iterator<Item = &'p PartAt<'p>>) -> Result<()> {
         let regions = self.regions(parts)?;
         if let (Reach::InOrder(axis), None, false) =
             (self.input.reach()?, &self.input.series, regions.is_empty())

@@ -117,7 +117,7 @@ pub fn compress_resumable_with(
         let missing: Vec<Vec<PartAt<'_>>> = groups.iter().map(missing).collect();
         let limits = (request.threads, request.memory_limit_bytes);
         let mut writer = PartWriter::new(&input, (&manifest.source, &info), limits);
-        writer.expect(missing.iter().flatten())?;
+        writer.announce(missing.iter().flatten())?;
         let mut before = 0;
         for (group, missing) in groups.iter().zip(&missing) {
             job.check()?;
