@@ -81,6 +81,12 @@ fn reference_words(low: u64, high: u64, beyond_3: usize) -> usize {
     if beyond_3 == 0 { three } else { three + (low & high).count_ones() as usize }
 }
 
+/// Appends a node with these cells, all of them solid, which have no references.
+pub(crate) fn solid_node(cells: u64, nodes: &mut Vec<u16>) {
+    nodes.extend((0..4).map(|part| (cells >> (16 * part)) as u16));
+    nodes.resize(nodes.len() + header_words(cells.count_ones()) - OCCUPIED_WORDS, Class::Solid as u16);
+}
+
 impl<'a> NodeRef<'a> {
     /// The node at word `at` of `nodes`.
     ///

@@ -14,13 +14,14 @@ use rayon::prelude::*;
 use rustc_hash::FxHashMap;
 use xxhash_rust::xxh3::xxh3_64;
 
+use crate::node::solid_node;
 use crate::reserve::{reserved, zeroed};
 use crate::residency::Residency;
 use crate::spool::Scratch;
 use crate::stored::{put, take};
 use crate::{
-    BoxRecord, BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, Error, Job, LabelRun, Leaves, NodeRef, Result,
-    VolumeInfo,
+    BoxPlace, BoxRecord, BoxView, CHUNK_VOXELS, Chunk, CompressedVolume, Error, Job, LabelRun, Leaves,
+    NodeRef, Result, VolumeInfo,
 };
 
 /// What memory is for, in errors.
@@ -61,6 +62,17 @@ impl StoredBytes {
 
 fn damaged(file: &Scratch) -> Error {
     file.error(std::io::Error::other("a temporary file has changed while it was in use"))
+}
+
+/// How much of its node a box keeps.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+pub enum NodeDetail {
+    /// Everything.
+    Voxels,
+    /// Which cells have a voxel.
+    Cells,
+    /// That it has one.
+    Nothing,
 }
 
 /// Where a page is.
@@ -358,12 +370,28 @@ impl CompressedVolume {
     /// # Panics
     /// When a number is out of range.
     pub fn with_boxes(&self, items: &[u32]) -> Result<Self> {
+        self.with_coarser_boxes(items, |_| NodeDetail::Voxels)
+    }
+
+    /// [`CompressedVolume::with_boxes`] of which each keeps only so much of its node. What is left out is solid.
+    ///
+    /// # Errors
+    /// As [`CompressedVolume::with_boxes`].
+    ///
+    /// # Panics
+    /// As [`CompressedVolume::with_boxes`].
+    pub fn with_coarser_boxes(
+        &self,
+        items: &[u32],
+        detail: impl Fn(&BoxPlace) -> NodeDetail,
+    ) -> Result<Self> {
         let mut part = Self::empty(without_notes(&self.info));
         let [chunk] = self.chunks.as_slice() else { return Ok(part) };
         let mut runs: Vec<LabelRun> = Vec::new();
         let mut boxes: Vec<BoxRecord> = reserved(items.len(), WHAT)?;
         let mut nodes: Vec<u16> = Vec::new();
-        let mut placed: FxHashMap<u32, u32> = FxHashMap::default();
+        // Places of nodes by their number here, and of those without voxels by their cells.
+        let (mut placed, mut coarse) = (FxHashMap::<u32, u32>::default(), FxHashMap::<u64, u32>::default());
         let mut run = 0;
         for (place, &item) in (0u32..).zip(items) {
             while self.runs.get(run + 1).is_some_and(|next| next.first_box <= item) {
@@ -374,12 +402,23 @@ impl CompressedVolume {
                 runs.push(LabelRun { label, first_box: place });
             }
             let record = self.boxes[item as usize];
-            let node = *placed.entry(record.node()).or_insert_with(|| {
-                let (at, from) = (nodes.len() as u32, chunk.node_base as usize + record.node() as usize);
-                let words = NodeRef::read(&self.nodes, from, &self.leaves[0]).words();
-                nodes.extend_from_slice(&self.nodes[from..from + words]);
-                at
-            });
+            let (next, from) = (nodes.len() as u32, chunk.node_base as usize + record.node() as usize);
+            let of_box = || NodeRef::read(&self.nodes, from, &self.leaves[0]);
+            let cells = match detail(&self.place_of_box(item as usize)) {
+                NodeDetail::Voxels => None,
+                NodeDetail::Cells => Some(of_box().occupied),
+                NodeDetail::Nothing => Some(1),
+            };
+            let node = match cells {
+                None => *placed.entry(record.node()).or_insert_with(|| {
+                    nodes.extend_from_slice(&self.nodes[from..from + of_box().words()]);
+                    next
+                }),
+                Some(cells) => *coarse.entry(cells).or_insert_with(|| {
+                    solid_node(cells, &mut nodes);
+                    next
+                }),
+            };
             boxes.push(BoxRecord::new(record.cell(), record.extent(), node));
         }
         nodes.shrink_to_fit();

@@ -131,7 +131,54 @@ fn queries_have_the_bits_of_a_volume_in_memory() {
     assert!(hits > 9000, "{hits}");
 }
 
-/// Control of the comparison above: with one more label hidden, answers differ.
+/// Levels by distance from an eye at this place along x, in front of the volume: voxels, cells from 62 on, boxes from 250 on.
+fn from_eye_at(x: f64) -> LodChoice {
+    let eye_in_world = DVec3::new(x, 50.0, 20.0);
+    LodChoice::Distance { eye_in_world, world_per_distance: 0.08, world_constant: 0.0 }
+}
+
+/// With levels by distance, every query has the same bits as in memory, where a hierarchy finds the boxes. From another eye they have too, and pages
+/// whose boxes keep their level stay in memory.
+#[test]
+fn levels_by_distance_have_the_bits_of_a_volume_in_memory() {
+    for (number, whole) in
+        [blobs([150, 140, 301], 60, 50, 7).1, noise([170, 131, 290], 0.03, 40, 9).1].iter().enumerate()
+    {
+        let (paged, memory) = TestFile::of(whole, CompressionLevel::Fast).paged(64, u64::MAX);
+        let dims = whole.info().dims;
+        let mut tracer: Option<VolumeTracer> = None;
+        let mut anew = Vec::new();
+        for eye in [-10.0, -10.25, -400.0, 20.0] {
+            let [whole, paged] = [whole, &paged].map(|v| instance(v, from_eye_at(eye)));
+            let in_memory = VolumeTracer::in_bricks(0, &whole).unwrap();
+            let expected = answers(&in_memory, dims, 1500);
+            let loads = memory.counts().loads;
+            let drawn = match &tracer {
+                None => VolumeTracer::in_bricks(0, &paged).unwrap(),
+                Some(former) => former.showing(&paged.visible, 0, &paged).unwrap().0,
+            };
+            let got = answers(&drawn, dims, 1500);
+            for (ray, (expected, got)) in expected.iter().zip(&got).enumerate() {
+                assert_eq!(expected, got, "volume {number}, eye {eye}, ray {ray}");
+            }
+            anew.push(memory.counts().loads - loads);
+            tracer = Some(drawn);
+        }
+        let all = anew[0];
+        assert!(all > 20 && anew[1..].iter().all(|n| (1..all).contains(n)), "{anew:?}");
+        assert!(anew[1] < all * 3 / 4, "a step of the eye: {anew:?}");
+
+        // Control: another distance at which levels change gives other answers.
+        let [near, far] = [0.08, 0.079].map(|world_per_distance| {
+            let eye_in_world = DVec3::new(20.0, 50.0, 20.0);
+            let lod = LodChoice::Distance { eye_in_world, world_per_distance, world_constant: 0.0 };
+            answers(&VolumeTracer::in_bricks(0, &instance(&paged, lod)).unwrap(), dims, 1500)
+        });
+        assert_ne!(near, far);
+    }
+}
+
+/// Control of the comparisons above: with one more label hidden, answers differ.
 #[test]
 fn another_choice_of_labels_gives_other_answers() {
     let (_, whole) = blobs([150, 140, 101], 60, 50, 7);
@@ -240,8 +287,6 @@ fn what_needs_everything_in_memory_is_refused() {
     assert!(smooth.starts_with("memory limit: smooth shading"), "{smooth}");
     let emits = line(|scene| scene.instances[0].style.material.emission = [1.0; 3]);
     assert!(emits.starts_with("memory limit: instances[0] emits light"), "{emits}");
-    let far = line(|scene| scene.settings.lod = pumice_scene::Lod::Distance { pixels: 1.0 });
-    assert!(far.starts_with("memory limit: a level of detail by distance"), "{far}");
 }
 
 /// With other labels shown, the picture is that of a volume in memory, and pages without the labels that changed stay in memory: the same

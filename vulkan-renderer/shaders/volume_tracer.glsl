@@ -573,7 +573,9 @@ Hit volume_ask(
     InstanceRef instance, uint instance_number, RayInWorld ray, Surface from, f64 t_max, f64 best, uint only, bool any) {
     IndexRay r;
     // Not from a free point or a mesh: within a label, a seam between two of its boxes would be found first.
-    any = any && (is_mesh(instance) || (from.instance != NONE && from.kind != SURFACE_TRIANGLE));
+    any = any
+        && (is_mesh(instance)
+            || (from.instance != NONE && from.kind != SURFACE_TRIANGLE && instance.it.lod != LOD_BY_DISTANCE));
     if (!index_ray(instance, instance_number, ray, from, r)) {
         return no_hit();
     }

@@ -19,8 +19,8 @@ use std::time::{Duration, Instant};
 use pumice_core::reserve::size_text;
 use pumice_core::{CompressedVolume, Residency};
 use pumice_transport::geometry::LodChoice;
-use pumice_transport::geometry::drawn_pages::{DrawnInPages, DrawnPages, Former, refused, source};
-use pumice_transport::geometry::lod::DetailLevel;
+use pumice_transport::geometry::drawn_pages::{DrawnInPages, DrawnPages, Former, source};
+use pumice_transport::geometry::lod::{Detail, DetailLevel};
 use pumice_transport::{BoxBounds, RenderError};
 use rayon::prelude::*;
 
@@ -39,6 +39,10 @@ const SMALL_TILE: u64 = 64;
 
 /// Pages for which there must be room: one that a ray is in, and one that it asks for.
 const LEAST_PAGES: u64 = 2;
+
+/// Another backend draws what this one does not.
+const BY_DISTANCE: &str = "memory limit: levels of detail by distance (--lod auto) are drawn from disk by the processor alone: take another \
+                           level or --backend cpu, or leave the limit out";
 
 /// What is drawn of a volume on disk.
 #[derive(Debug)]
@@ -69,14 +73,15 @@ impl PagedVolume {
             LodChoice::Cells => DetailLevel::Cells,
             LodChoice::Boxes => DetailLevel::Boxes,
             LodChoice::Distance { .. } => {
-                return Err(refused("a level of detail by distance (--lod auto)").into());
+                return Err(RenderError::Device(BY_DISTANCE.into()).into());
             }
         };
         let mut record = layout::Instance { dims: volume.info().dims, ..layout::Instance::default() };
         let Some(pages) = volume.pages() else { return Ok((None, record)) };
         let before = former.map(|f| Former { pages: &f.drawn, visible: &f.visible });
         let is_tight = lod == LodChoice::Voxels;
-        let (drawn, in_pages) = DrawnPages::new(volume, pages, visible, level, is_tight, before)?;
+        let detail = Detail::Same(level);
+        let (drawn, in_pages) = DrawnPages::new(volume, pages, visible, detail, is_tight, before)?;
         let Some(drawn) = drawn else { return Ok((None, record)) };
         let DrawnInPages { boxes, bounds } = in_pages;
         let BoxBounds { lo, hi } = bounds.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] });

@@ -36,8 +36,8 @@ fn paths() -> Shared<Vec<Front>> {
     Shared::take(&PATHS, || Front::of_today("path"), |fronts| fronts.iter().map(|front| &front.gpu).collect())
 }
 
-/// Samples a pixel of each scene.
-const SPP: u32 = 16;
+/// Samples a pixel of each scene, as many as one launch adds. The [negative controls](controls) have as many.
+const SPP: u32 = 8;
 
 /// With native doubles, where the device has them. Emulated doubles are tested in single functions, and take far longer to compile.
 #[test]

@@ -149,7 +149,7 @@ impl VolumeTracer {
                 Some((InBricks { found: Found::Face(_), .. }, _)) => return true,
                 Some((inside, _)) => self.with_its_box(bricks, inside),
             },
-            None => self.nearest::<P, KIND>(by, &r, 0.0, t_max, None, any_will_do(from)),
+            None => self.nearest::<P, KIND>(by, &r, 0.0, t_max, None, self.any_will_do(from)),
         };
         match nearest {
             Nearest::Nothing => false,
@@ -279,6 +279,13 @@ impl VolumeTracer {
         self.hit(ray, &step, item, label, false)
     }
 
+    /// Whether the first result of any box is enough for a ray from there ([`Tracer::occluded`]).
+    #[inline(always)]
+    fn any_will_do(&self, from: PathOrigin) -> bool {
+        let is_face = matches!(from, PathOrigin::Face(surface) if surface.kind != SurfaceKind::Triangle);
+        is_face && matches!(self.detail, Detail::Same(_))
+    }
+
     #[inline(always)]
     fn is_hidden(&self, item: u32) -> bool {
         self.hidden.as_ref().is_some_and(|hidden| hidden[self.label_of(item) as usize])
@@ -302,7 +309,8 @@ impl Tracer for VolumeTracer {
 
     /// Equals `first_hit(…).is_some()`, but is faster from a face, where the first result of any box is enough. (Not from a free point or a
     /// mesh: inside a label, a seam between two of its boxes would answer first, while only the way out of the label is a surface.) Where
-    /// coarse elements of labels overlap and a path starts within another label's element, faces within that element count too.
+    /// coarse elements of labels overlap and a path starts within another label's element, faces within that element count too, unless
+    /// levels depend on distance: then the answer is that of pages, which find faces in order.
     fn occluded(&self, ray: &RayInWorld, from: PathOrigin, t_max: f64) -> bool {
         if self.is_missed(ray, from) {
             return false;
@@ -312,7 +320,7 @@ impl Tracer for VolumeTracer {
         }
         let Some(r) = self.index_ray(Plain, ray, from) else { return false };
         let t_max = r.scaled_t(t_max);
-        self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, any_will_do(from)).is_some()
+        self.kept_surface_along(&self.cut_ray(&r, ray, from), t_max, None, self.any_will_do(from)).is_some()
     }
 
     fn box_origin(&self, face: &Surface) -> Option<[u32; 3]> {
@@ -352,12 +360,6 @@ impl Tracer for VolumeTracer {
     fn failure(&self) -> Option<String> {
         self.pages.as_ref()?.failure()
     }
-}
-
-/// Whether the first result of any box is enough for a ray from there ([`Tracer::occluded`] of [`VolumeTracer`]).
-#[inline(always)]
-fn any_will_do(from: PathOrigin) -> bool {
-    matches!(from, PathOrigin::Face(surface) if surface.kind != SurfaceKind::Triangle)
 }
 
 #[cfg(test)]

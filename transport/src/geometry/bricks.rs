@@ -1,10 +1,10 @@
 //! The voxels of a volume that are drawn, all labels together: 4³ bricks of 4³ cells of 4³ voxels per block, as 64-bit masks.
 //!
 //! The compressed volume stores each label by itself, so several boxes cover one brick of space, and the hierarchy has to find and walk
-//! them one after another. Where every label is drawn at one level of detail, the label of a voxel does not matter until the ray hits it.
+//! them one after another. The label of a voxel does not matter until the ray hits it.
 //! Here the voxels of all drawn labels are merged: a ray crosses space once, in order, and the first voxel found is the hit. (At coarser
 //! levels labels overlap; the hit then reports the lowest label.) Bricks are derived from the volume for one choice of labels and one
-//! level.
+//! choice of levels.
 //!
 //! ```text
 //! blocks   64³ voxels each, x fastest: a mask of the bricks that hold a voxel, and the index of the first of these bricks
@@ -32,7 +32,7 @@ use pumice_core::{CompressedVolume, NoMemory};
 use super::brick_fields::Fields;
 use super::each_axis;
 use super::label_of_box::LabelOfBox;
-use super::lod::DetailLevel;
+use super::lod::{Detail, DetailLevel};
 
 /// Voxels along the side of a block.
 pub const BLOCK: u32 = 64;
@@ -42,8 +42,8 @@ pub const BRICK: u32 = 16;
 /// The merged voxels of one volume; the module documentation describes the arrays.
 #[derive(Debug)]
 pub struct Bricks {
-    /// Level of detail that the bricks were built for.
-    level: DetailLevel,
+    /// Level of detail of each box that the bricks were built for.
+    detail: Detail,
     /// Bounds of all voxels: lowest and highest corner, padded to four lanes.
     pub bounds: [[f64; 4]; 2],
     /// Index of the last block along each axis.
@@ -99,7 +99,7 @@ impl Bricks {
         if items.is_empty() || !Self::are_possible(volume.info().dims, items.len() as u64) {
             return None;
         }
-        Self::of_blocks(volume, items, level, [0; 3], blocks_along)
+        Self::of_blocks(volume, items, Detail::Same(level), [0; 3], blocks_along)
     }
 
     /// Whether a volume of this size is not too sparse for bricks, with so many boxes drawn.
@@ -113,13 +113,13 @@ impl Bricks {
     pub fn of_blocks(
         volume: &CompressedVolume,
         items: &[u32],
-        level: DetailLevel,
+        detail: Detail,
         first: [u32; 3],
         along: [u32; 3],
     ) -> Option<Self> {
         let reaching = boxes_by_brick(volume, items, first, along);
         let mut made =
-            Self::empty(level, first, along, Fields::default(), Arc::new(LabelOfBox::new(volume)?));
+            Self::empty(detail, first, along, Fields::default(), Arc::new(LabelOfBox::new(volume)?));
         let mut bounds = BoxBounds::EMPTY;
         for of_brick in reaching.chunk_by(|a, b| a.0 == b.0) {
             let number = of_brick.first()?.0;
@@ -131,10 +131,10 @@ impl Bricks {
 
     /// Blocks alone, of a volume of this size: `occupied` has the mask of the bricks of each that hold a voxel, x fastest, all of which lie
     /// within `bounds`. The bricks themselves are elsewhere.
-    pub fn grid_of(dims: [u32; 3], level: DetailLevel, occupied: &[u64], bounds: BoxBounds) -> Self {
+    pub fn grid_of(dims: [u32; 3], detail: Detail, occupied: &[u64], bounds: BoxBounds) -> Self {
         let along = blocks_along(dims);
         let none = LabelOfBox::default();
-        let mut grid = Self::empty(level, [0; 3], along, Fields::default(), Arc::new(none));
+        let mut grid = Self::empty(detail, [0; 3], along, Fields::default(), Arc::new(none));
         grid.blocks.iter_mut().zip(occupied).for_each(|(block, &occupied)| block.occupied = occupied);
         grid.bounds = [bounds.lo, bounds.hi].map(f64x4);
         grid
@@ -147,7 +147,7 @@ impl Bricks {
             |item: &u32| hidden.get(self.label_of(volume, *item) as usize).copied().unwrap_or(true);
         let along = blocks_along(volume.info().dims);
         let fields = Fields::empty_like(&self.fields);
-        let mut made = Self::empty(self.level, [0; 3], along, fields, Arc::clone(&self.labels));
+        let mut made = Self::empty(self.detail, [0; 3], along, fields, Arc::clone(&self.labels));
         let mut bounds = BoxBounds::EMPTY;
         for (b, block) in self.blocks.iter().enumerate() {
             for (i, place) in (0u32..64).filter(|&place| block.occupied >> place & 1 != 0).enumerate() {
@@ -166,7 +166,7 @@ impl Bricks {
     }
 
     fn empty(
-        level: DetailLevel,
+        detail: Detail,
         first: [u32; 3],
         along: [u32; 3],
         fields: Fields,
@@ -174,7 +174,7 @@ impl Bricks {
     ) -> Self {
         let blocks: usize = along.iter().map(|&n| n as usize).product();
         Self {
-            level,
+            detail,
             bounds: [[0.0; 4]; 2],
             last_block: f64x4(along.map(|n| n - 1)),
             strides: [1, along[0] as usize, along[0] as usize * along[1] as usize],
@@ -254,7 +254,7 @@ impl Bricks {
         let (mut brick, mut cells, mut bounds) = (self.next_brick()?, [0u64; 64], BoxBounds::EMPTY);
         for item in of_brick {
             let mut sections = 0u16;
-            for_each_cell(volume, item, origin, self.level, |c, field| {
+            for_each_cell(volume, item, origin, &self.detail, |c, field| {
                 cells[c as usize] |= field;
                 sections |= 1 << section_of(c);
             });
@@ -335,9 +335,9 @@ impl Bricks {
         self.labels.of(volume, item)
     }
 
-    /// The level of detail that is drawn.
-    pub fn level(&self) -> DetailLevel {
-        self.level
+    /// The levels of detail that are drawn.
+    pub fn detail(&self) -> &Detail {
+        &self.detail
     }
 
     /// Size on the heap in bytes.
@@ -395,7 +395,7 @@ impl Bricks {
         holds: impl Fn(u32) -> bool,
     ) -> Option<u32> {
         let mut near = self.boxes_near(brick, voxel);
-        if self.level != DetailLevel::Voxels {
+        if !matches!(self.detail, Detail::Same(DetailLevel::Voxels)) {
             return near.filter(|&item| holds(item)).min_by_key(|&item| self.label_of(volume, item));
         }
         // The last one that is left needs no question.
@@ -433,13 +433,13 @@ fn section_of(cell: u32) -> u32 {
     (cell >> 1 & 1) | (cell >> 3 & 1) << 1 | (cell >> 4) << 2
 }
 
-/// Calls `visit` with each cell of the brick at `origin` where a box has an element of this level, and with that element's voxels. Elements
+/// Calls `visit` with each cell of the brick at `origin` where a box has an element of its level, and with that element's voxels. Elements
 /// of the coarser levels may reach beyond the volume.
 pub fn for_each_cell(
     volume: &CompressedVolume,
     item: u32,
     origin: [u32; 3],
-    level: DetailLevel,
+    detail: &Detail,
     mut visit: impl FnMut(u32, u64),
 ) {
     let b = volume.place_of_box(item as usize);
@@ -452,7 +452,7 @@ pub fn for_each_cell(
         }
     };
     // Data that a level does not need is not read, so those pages of a mapped file never come into memory.
-    match level {
+    match detail.level(b.origin, b.extent) {
         DetailLevel::Voxels => volume.box_at(&b).node.fields().for_each(|(c, field)| put(c, field)),
         DetailLevel::Cells => {
             let occupied = volume.box_at(&b).node.occupied;

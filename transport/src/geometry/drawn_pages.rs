@@ -15,17 +15,19 @@
 //! shown now       page 0      │     page 2   page 3      in both
 //!                             └─► new page               file b, until more is left in such files than all pages take
 //! ```
+//! With levels of detail by distance, a page has its boxes' levels. From another camera, only pages where a box may have another level are
+//! made anew.
 
 use std::collections::BTreeSet;
 use std::sync::Arc;
 
-use pumice_core::pages::{StoredBytes, encode};
-use pumice_core::{CompressedVolume, Pages, Scratch};
+use pumice_core::pages::{NodeDetail, StoredBytes, encode};
+use pumice_core::{BoxPlace, CompressedVolume, Pages, Scratch};
 use rayon::prelude::*;
 
 use super::bricks::{BLOCK, Bricks};
 use super::each_axis;
-use super::lod::DetailLevel;
+use super::lod::{Detail, DetailLevel};
 use super::visible_boxes::{for_each_visible_box, visible_items};
 use crate::{BoxBounds, RenderError};
 
@@ -135,7 +137,7 @@ pub struct DrawnInPages {
 pub struct DrawnPages {
     dims: [u32; 3],
     pages: Arc<Pages>,
-    level: DetailLevel,
+    detail: Detail,
     grid: Bricks,
     /// The place of each page among the drawn ones, x fastest.
     places: Vec<u32>,
@@ -155,8 +157,8 @@ struct Made {
 }
 
 impl DrawnPages {
-    /// Makes the pages of the labels that are drawn, all at `level`; none where no label is drawn. Pages that `former` draws alike are
-    /// those of `former`. `is_tight`: bounds are those of voxels, not of boxes.
+    /// Makes the pages of the labels that are drawn, at the levels of `detail`; none where no label is drawn. Pages that `former` draws
+    /// alike are those of `former`. `is_tight`: bounds are those of voxels, not of boxes.
     ///
     /// # Errors
     /// [`RenderError::Scene`] where the volume is too sparse for bricks; [`RenderError::Source`] where a page cannot be read or written;
@@ -165,25 +167,25 @@ impl DrawnPages {
         volume: &CompressedVolume,
         pages: &Arc<Pages>,
         visible: &[bool],
-        level: DetailLevel,
+        detail: Detail,
         is_tight: bool,
         former: Option<Former<'_>>,
     ) -> Result<(Option<Self>, DrawnInPages), RenderError> {
         let dims = volume.info().dims;
         let scratch = Arc::new(pages.another_file());
         let blocks = dims.map(|d| d.div_ceil(BLOCK));
-        let serves = |f: &Former<'_>| {
-            Arc::ptr_eq(&f.pages.pages, pages) && (f.pages.level, f.pages.is_tight) == (level, is_tight)
-        };
+        let serves = |f: &Former<'_>| Arc::ptr_eq(&f.pages.pages, pages) && f.pages.is_tight == is_tight;
         let reused = former.filter(|f| serves(f) && f.pages.files() < MOST_FILES);
         let shows = |labels: &[bool], label: u32| labels.get(label as usize).copied().unwrap_or(false);
+        let is_alike = |f: &Former<'_>, index: usize| {
+            pages.labels(index).iter().all(|&l| shows(f.visible, l) == shows(visible, l))
+                && f.pages.has_levels_of(&detail, index)
+        };
         let made: Vec<Made> = (0..pages.len())
             .into_par_iter()
             .map(|index| match reused {
-                Some(f) if pages.labels(index).iter().all(|&l| shows(f.visible, l) == shows(visible, l)) => {
-                    Ok(f.pages.again(index))
-                }
-                _ => make(pages, index, visible, level, is_tight, &scratch),
+                Some(f) if is_alike(&f, index) => Ok(f.pages.again(index)),
+                _ => make(pages, index, visible, detail, is_tight, &scratch),
             })
             .collect::<Result<_, _>>()?;
         let (mut boxes, mut bounds) = (0, BoxBounds::EMPTY);
@@ -215,15 +217,25 @@ impl DrawnPages {
             of_blocks.into_iter().for_each(|(block, mask)| occupied[block] = mask);
             drawn.push(page);
         }
-        let grid = Bricks::grid_of(dims, level, &occupied, of_voxels);
+        let grid = Bricks::grid_of(dims, detail, &occupied, of_voxels);
         let pages = Arc::clone(pages);
-        Ok((Some(Self { dims, pages, level, grid, places, drawn, of_pages, is_tight }), in_pages))
+        Ok((Some(Self { dims, pages, detail, grid, places, drawn, of_pages, is_tight }), in_pages))
     }
 
     /// Number of temporary files that its pages are in.
     fn files(&self) -> usize {
         let files: BTreeSet<_> = self.drawn.iter().map(|page| Arc::as_ptr(&page.scratch).addr()).collect();
         files.len()
+    }
+
+    /// Whether each box of the page at `index` of the volume certainly has the level that `other` gives it.
+    fn has_levels_of(&self, other: &Detail, index: usize) -> bool {
+        let bounds = &self.of_pages[index].bounds;
+        if self.detail == *other || *bounds == BoxBounds::EMPTY {
+            return true;
+        }
+        let level = self.detail.everywhere(bounds);
+        level.is_some() && level == other.everywhere(bounds)
     }
 
     /// The page at `index` of the volume, as it is.
@@ -249,9 +261,9 @@ impl DrawnPages {
         self.dims
     }
 
-    /// The level of detail that is drawn.
-    pub fn level(&self) -> DetailLevel {
-        self.level
+    /// The levels of detail that are drawn.
+    pub fn detail(&self) -> &Detail {
+        &self.detail
     }
 
     /// Blocks of the whole volume, without bricks.
@@ -303,7 +315,7 @@ impl DrawnPages {
         let mut rest = bytes.as_slice();
         let damaged = || pumice_core::Error::Caller("a page of the volume has changed on disk".into());
         let volume = self.pages.decode(page.index, &mut rest).ok_or_else(damaged)?;
-        let bricks = Bricks::take(&mut rest, self.level).ok_or_else(damaged)?;
+        let bricks = Bricks::take(&mut rest, self.detail).ok_or_else(damaged)?;
         Ok((volume, bricks))
     }
 }
@@ -313,14 +325,20 @@ fn make(
     pages: &Pages,
     index: usize,
     visible: &[bool],
-    level: DetailLevel,
+    detail: Detail,
     is_tight: bool,
     scratch: &Arc<Scratch>,
 ) -> Result<Made, RenderError> {
     let read = pages.read(index).map_err(source)?;
     let items = visible_items(&read, visible)?;
-    let volume =
-        if items.len() == read.boxes().len() { read } else { read.with_boxes(&items).map_err(source)? };
+    // What a level does not need takes no memory.
+    let of_box = |place: &BoxPlace| match detail.level(place.origin, place.extent) {
+        DetailLevel::Voxels => NodeDetail::Voxels,
+        DetailLevel::Cells => NodeDetail::Cells,
+        DetailLevel::Boxes => NodeDetail::Nothing,
+    };
+    let is_whole = items.len() == read.boxes().len() && detail == Detail::Same(DetailLevel::Voxels);
+    let volume = if is_whole { read } else { read.with_coarser_boxes(&items, of_box).map_err(source)? };
     let side = pages.side();
     let origin = pages.origin(pages.number(index));
     let (mut own, mut bounds) = (0, BoxBounds::EMPTY);
@@ -333,7 +351,7 @@ fn make(
     let dims = volume.info().dims;
     let (first, along) = blocks_of(pages, index, dims);
     let of_page = OfPage { place: NONE, own, bounds, of_voxels: BoxBounds::EMPTY };
-    let Some(bricks) = Bricks::of_blocks(&volume, &all, level, first, along) else {
+    let Some(bricks) = Bricks::of_blocks(&volume, &all, detail, first, along) else {
         return Ok(Made { page: None, of_page, occupied: Vec::new() });
     };
     let mut bytes = Vec::new();

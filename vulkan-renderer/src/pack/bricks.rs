@@ -109,7 +109,7 @@ pub(super) fn parts_of(
     for (brick, &corner) in corners.iter().enumerate() {
         parts.extend(bricks.items_of(brick).iter().map(|&item| {
             let mut cells = 0;
-            for_each_cell(volume, item, corner, bricks.level(), |c, _| cells |= 1 << c);
+            for_each_cell(volume, item, corner, bricks.detail(), |c, _| cells |= 1 << c);
             BrickPart { cells, box_number: number_of(item), label: bricks.label_of(volume, item) }
         }));
     }

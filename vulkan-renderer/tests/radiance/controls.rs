@@ -5,12 +5,9 @@ use std::sync::Arc;
 use pumice_scene::Mode;
 use pumice_transport::Lights;
 
-use crate::paths;
 use crate::samples::{Verdict, asked, found};
 use crate::scenes::{Case, cases, picture, sun};
-
-/// Samples a pixel.
-const SPP: u32 = 8;
+use crate::{SPP, paths};
 
 fn case_of(name: &str) -> Case {
     cases().into_iter().find(|c| c.name.contains(name)).expect("a scene")

@@ -95,7 +95,7 @@ fn given(renderer: &mut Validated, scene: &LoadedScene) -> Result<Given, RenderE
 #[test]
 fn a_picture_within_a_limit_has_the_bits_of_the_whole_volume() {
     let whole = crumbs();
-    let mut renderer = Validated::open(backend_of_today());
+    let mut renderer = Validated::open_bare(backend_of_today());
     let (mut hits, mut least) = (0, u64::MAX);
     for (cut, lod) in [(false, Lod::Voxels), (true, Lod::Cells)] {
         let mut scene = scene(&whole);
@@ -126,6 +126,15 @@ fn a_picture_within_a_limit_has_the_bits_of_the_whole_volume() {
         assert!(given(&mut renderer, &loaded(&scene, &volume)).unwrap() != expected);
     }
     assert!(hits > 1000, "{hits}");
+
+    // What the processor draws alone leaves the way open for it.
+    let (volume, _) = paged(&whole, u64::MAX);
+    let mut far = scene(&whole);
+    far.settings.lod = Lod::Distance { pixels: 1.0 };
+    let RenderError::Device(text) = given(&mut renderer, &loaded(&far, &volume)).unwrap_err() else {
+        panic!()
+    };
+    assert!(text.starts_with("memory limit: levels of detail by distance"), "{text}");
 
     // All pages of a path must fit. The error says what the path of one pixel took, and leaves the way open for another backend.
     let (scene, (volume, _)) = (scene(&whole), paged(&whole, least));
@@ -161,8 +170,8 @@ fn pages_stay_over_edits() {
         }
     });
     let (volume, memory) = paged(&whole, u64::MAX);
-    let mut of_whole = Validated::open(backend_of_today());
-    let mut renderer = Validated::open(backend_of_today());
+    let mut of_whole = Validated::open_bare(backend_of_today());
+    let mut renderer = Validated::open_bare(backend_of_today());
     let mut scene = scene(&whole);
     scene.instances.truncate(1);
     let mut loads = |scene: &Scene, fault: bool| {

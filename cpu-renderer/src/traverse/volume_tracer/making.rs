@@ -63,14 +63,8 @@ impl VolumeTracer {
         former: Option<Former<'_>>,
     ) -> Result<Self, RenderError> {
         let TracedInstance { volume, visible, lod, .. } = traced;
-        let level = match lod {
-            LodChoice::Voxels => DetailLevel::Voxels,
-            LodChoice::Cells => DetailLevel::Cells,
-            LodChoice::Boxes => DetailLevel::Boxes,
-            LodChoice::Distance { .. } => return Err(refused("a level of detail by distance (--lod auto)")),
-        };
-        let is_tight = *lod == LodChoice::Voxels;
-        let (paged, drawn) = PagedBricks::new(volume, pages, visible, level, is_tight, former)?;
+        let (detail, is_tight) = (lod.placed(&traced.world_from_index), *lod == LodChoice::Voxels);
+        let (paged, drawn) = PagedBricks::new(volume, pages, visible, detail, is_tight, former)?;
         let boxes = || Ok(DrawnBoxes::elsewhere(visible, &drawn, is_tight));
         let tracer = Self::of_boxes(instance, traced, boxes)?;
         Ok(Self { pages: paged.map(Arc::new), wants_bricks: true, ..tracer })
@@ -146,7 +140,7 @@ impl VolumeTracer {
             return Ok(self);
         }
         // (Existing bricks are kept if they have the right level.)
-        if self.bricks.as_ref().map(|bricks| bricks.level()) != self.level {
+        if self.bricks.as_ref().map(|bricks| *bricks.detail()) != self.level.map(Detail::Same) {
             self.bricks = match self.level {
                 Some(level) => Bricks::new(&self.volume, &self.drawn()?, level).map(Arc::new),
                 None => None,
@@ -203,12 +197,11 @@ impl VolumeTracer {
         if self.boxes.is_tight() != (lod == LodChoice::Voxels) {
             return Ok(None);
         }
-        let level = lod.placed(&world_from_index);
-        if self.pages.as_ref().is_some_and(|pages| level != Detail::Same(pages.level())) {
+        let detail = lod.placed(&world_from_index);
+        if self.pages.as_ref().is_some_and(|pages| detail != *pages.detail()) {
             return Ok(None);
         }
         let placement = Placement::of_instance(instance, world_from_index)?;
-        let detail = lod.placed(&world_from_index);
         let again = Self {
             volume: Arc::clone(&self.volume),
             normals: normals(&placement),

@@ -119,13 +119,15 @@ pub(in super::super) struct PagedBricks {
     slots: Vec<Arc<Slot>>,
     /// Bytes that are always in memory, and those of a thread that loads a page.
     kept_bytes: u64,
+    /// The level of all boxes, where it is certain to be the same.
+    level: Option<DetailLevel>,
     /// What each page shares with the others.
     placement: Placement,
     nothing: Arc<DrawnBoxes>,
 }
 
 impl PagedBricks {
-    /// The pages of the labels that are drawn, all at `level`; none where no label is drawn. Pages that `former` draws alike are those of
+    /// The pages of the labels that are drawn, at the levels of `detail`; none where no label is drawn. Pages that `former` draws alike are those of
     /// `former`, and what is in memory of them stays there.
     ///
     /// # Errors
@@ -134,12 +136,12 @@ impl PagedBricks {
         volume: &CompressedVolume,
         pages: &Arc<Pages>,
         visible: &[bool],
-        level: DetailLevel,
+        detail: Detail,
         is_tight: bool,
         former: Option<Former<'_>>,
     ) -> Result<(Option<Self>, DrawnInPages), RenderError> {
         let before = former.map(|f| drawn_pages::Former { pages: &f.paged.drawn, visible: f.visible });
-        let (drawn, in_pages) = DrawnPages::new(volume, pages, visible, level, is_tight, before)?;
+        let (drawn, in_pages) = DrawnPages::new(volume, pages, visible, detail, is_tight, before)?;
         let Some(drawn) = drawn else { return Ok((None, in_pages)) };
         let slot_before = |page: &Arc<DrawnPage>| {
             let paged = former?.paged;
@@ -175,12 +177,13 @@ impl PagedBricks {
         let (parts, bytes) = new.fold((0, 0), |(parts, bytes), slot| (parts + 1, bytes + slot.bytes()));
         memory.offer(parts, bytes);
         let nothing = Arc::new(DrawnBoxes::nothing());
-        Ok((Some(Self { drawn, slots, kept_bytes, placement, nothing }), in_pages))
+        let level = in_pages.bounds.and_then(|bounds| detail.everywhere(&bounds));
+        Ok((Some(Self { drawn, slots, kept_bytes, level, placement, nothing }), in_pages))
     }
 
-    /// The level of detail that is drawn.
-    pub(super) fn level(&self) -> DetailLevel {
-        self.drawn.level()
+    /// The levels of detail that are drawn.
+    pub(super) fn detail(&self) -> &Detail {
+        self.drawn.detail()
     }
 
     /// Bytes that are always in memory.
@@ -240,12 +243,12 @@ impl PagedBricks {
     #[cold]
     fn load(&self, place: usize) -> pumice_core::Result<Page> {
         let (volume, bricks) = self.drawn.read(place)?;
-        let (level, bricks) = (self.level(), Arc::new(bricks));
+        let (detail, bricks) = (*self.detail(), Arc::new(bricks));
         let tracer = VolumeTracer {
             volume: Arc::new(volume),
             normals: making::normals(&self.placement),
-            level: Some(level),
-            detail: Detail::Same(level),
+            level: self.level,
+            detail,
             placement: self.placement,
             instance: 0,
             boxes: Arc::clone(&self.nothing),

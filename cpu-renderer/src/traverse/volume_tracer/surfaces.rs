@@ -179,19 +179,17 @@ impl VolumeTracer {
         let axis = step.axis;
         let positive = ray.is_down(axis) != from_inside;
         let voxel = if from_inside { step.voxel_before(ray) } else { step.voxel };
-        let place = || self.volume.place_of_box(item as usize);
-        let level = self.level.unwrap_or_else(|| {
-            let b = place();
-            self.detail.level(b.origin, b.extent)
-        });
+        // (A box of a page has no number here.)
+        let place = || match &self.pages {
+            None => Some(self.volume.place_of_box(item as usize)),
+            Some(_) => self.place_with(label, voxel),
+        };
+        let level = self.level.or_else(|| place().map(|b| self.detail.level(b.origin, b.extent)));
         let element = match level {
-            DetailLevel::Voxels => voxel,
-            DetailLevel::Cells => voxel.map(|v| v & !3),
-            // (A box of a page has no number here.)
-            DetailLevel::Boxes if self.pages.is_some() => {
-                self.place_with(label, voxel).map_or(voxel, |place| place.origin)
-            }
-            DetailLevel::Boxes => place().origin,
+            Some(DetailLevel::Cells) => voxel.map(|v| v & !3),
+            Some(DetailLevel::Boxes) => place().map_or(voxel, |b| b.origin),
+            // (None: a page that cannot be read, whose picture is not shown.)
+            Some(DetailLevel::Voxels) | None => voxel,
         };
         Hit {
             t: ray.world_t(axis, step.plane),

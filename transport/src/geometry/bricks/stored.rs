@@ -6,7 +6,7 @@ use pumice_core::NoMemory;
 use pumice_core::stored::{put, take};
 
 use super::{Block, Brick, Bricks, Fields, LabelOfBox, f64x4};
-use crate::geometry::lod::DetailLevel;
+use crate::geometry::lod::Detail;
 
 impl Bricks {
     /// Appends the bricks to bytes.
@@ -27,8 +27,8 @@ impl Bricks {
         put::<u32>(out, &self.labels.starts)
     }
 
-    /// Takes bricks of this level from bytes that [`Bricks::put`] appended to; `None` where these end too early.
-    pub fn take(bytes: &mut &[u8], level: DetailLevel) -> Option<Self> {
+    /// Takes bricks of these levels from bytes that [`Bricks::put`] appended to; `None` where these end too early.
+    pub fn take(bytes: &mut &[u8], detail: Detail) -> Option<Self> {
         let first = <[u32; 3]>::try_from(take(bytes)?).ok()?;
         let [x, y, z, _] = <[u32; 4]>::try_from(take(bytes)?).ok()?;
         let bounds = <[f64; 8]>::try_from(take(bytes)?).ok()?;
@@ -42,7 +42,7 @@ impl Bricks {
         let [low, high] = [0, 4].map(|at| [bounds[at], bounds[at + 1], bounds[at + 2], bounds[at + 3]]);
         let along = [x, y].map(|last| last as usize + 1);
         Some(Self {
-            level,
+            detail,
             bounds: [low, high],
             last_block: f64x4([x, y, z]),
             strides: [1, along[0], along[0] * along[1]],
