@@ -187,6 +187,25 @@ pub fn scenes() -> Vec<Vec<u8>> {
     vec![SCENE.into(), whole.into()]
 }
 
+/// States of Neuroglancer: as it writes them today, as it wrote them before 2019, and as a link.
+pub fn neuroglancer_states() -> Vec<Vec<u8>> {
+    let today = r##"{"dimensions": {"x": [8e-9, "m"], "y": [8, "nm"], "z": [33e-9, "m"], "t": [1, "s"]},
+        "relativeDisplayScales": {"z": 2}, "displayDimensions": ["x", "y", "z"], "position": [1, 1.5, 0.5, 0],
+        "projectionOrientation": [0.1, 0.7, -0.2, 0.6], "projectionScale": 3.5, "projectionBackgroundColor": "#123",
+        "layout": {"type": "3d", "orthographicProjection": true},
+        "layers": [
+            {"type": "segmentation", "name": "a", "source": {"url": "precomputed://gs://b/a"}, "segments": ["1", "!2", 3],
+             "segmentColors": {"1": "#ff8000", "3": "hsl(120, 50%, 50%)"}, "segmentDefaultColor": "red", "colorSeed": 77,
+             "saturation": 0.5, "objectAlpha": 0.25, "equivalences": [["1", "4"], ["3", 5]]},
+            {"type": "segmentation", "name": "b", "source": ["zarr://s3://b/z"], "linkedSegmentationGroup": "a"},
+            {"type": "image", "name": "em", "source": "n5://https://host/em", "visible": false}]}"##;
+    let before = r#"{"navigation": {"pose": {"position": {"voxelSize": [4, 4, 40], "voxelCoordinates": [1, 1, 1]}}},
+        "perspectiveOrientation": [0, 0, 1, 0], "perspectiveZoom": 64, "perspectiveViewBackgroundColor": "white",
+        "layers": {"a": {"type": "segmentation", "source": "file:///v", "segments": ["7"], "archived": false}}}"#;
+    let link = r##"https://host/#!%7B%22layers%22:%5B{"type":"segmentation","name":"a","source":"zarr://v","segments":["2"]}%5D%7D"##;
+    [today, before, link].map(|text| text.as_bytes().to_vec()).into()
+}
+
 /// Pictures: EXR and PNG by Pumice, and EXR with the compressions that other programs use.
 pub fn pictures() -> Vec<Vec<u8>> {
     use exr::prelude::{Compression, Encoding, SpecificChannels, WritableImage};

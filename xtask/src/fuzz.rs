@@ -11,7 +11,7 @@ use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode, Stdio};
 
 /// Names of the targets, which are the files in `fuzz/targets`.
-const TARGETS: [&str; 12] = [
+const TARGETS: [&str; 13] = [
     "pumice_file",
     "pumice_sections",
     "label_volume",
@@ -22,6 +22,7 @@ const TARGETS: [&str; 12] = [
     "hdf5_file",
     "relabel_table",
     "scene_json",
+    "neuroglancer_state",
     "picture",
     "carried_scene",
 ];

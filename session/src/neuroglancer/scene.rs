@@ -11,6 +11,7 @@ use std::path::{Path, PathBuf};
 use std::sync::Arc;
 
 use glam::{DAffine3, DMat3, DVec3};
+use pumice_core::error::one_line;
 use pumice_core::{CompressedVolume, Job, Unit};
 use pumice_formats::OpenOptions;
 use pumice_scene::{
@@ -58,7 +59,7 @@ pub fn open_state(
     (reading, residence): (&OpenOptions, Residence),
     job: &Job,
 ) -> Result<OpenedState> {
-    let wrong = |what: String| Err(SessionError::Caller(what));
+    let wrong = |what: String| Err(SessionError::Caller(one_line(&what)));
     state.left_out.iter().for_each(|line| reading.warnings.push(line.clone()));
     let names = || state.layers.iter().map(|l| l.name.as_str()).collect::<Vec<_>>().join(", ");
     if state.layers.is_empty() {
@@ -152,7 +153,7 @@ fn open_layer<'s>(
     (reading, residence): (&OpenOptions, Residence),
     job: &Job,
 ) -> Result<Opened<'s>> {
-    let name = &layer.name;
+    let name = one_line(&layer.name);
     reading.outputs.check_input(&path)?;
     let wanted = Show::Only(layer.segments.keys().copied().collect());
     let volume = open_chosen(&path, &[&wanted], reading, residence, job)?;

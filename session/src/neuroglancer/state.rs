@@ -5,6 +5,7 @@ use std::fmt;
 use std::path::{Path, PathBuf};
 
 use glam::DQuat;
+use pumice_core::error::one_line;
 use pumice_formats::is_on_server;
 use serde::Deserialize;
 use serde::de::{Deserializer, MapAccess, Visitor};
@@ -70,12 +71,18 @@ impl State {
     /// # Errors
     /// One line that names the field.
     pub fn parse(text: &str) -> Result<Self, String> {
-        let json = match link(text) {
-            Some(part) => state_of_link(part)?,
-            None => text.to_owned(),
+        let read = || {
+            let json = match link(text) {
+                Some(part) => state_of_link(part)?,
+                None => text.to_owned(),
+            };
+            let raw: RawState = serde_json::from_str(&json).map_err(|e| e.to_string())?;
+            raw.state()
         };
-        let raw: RawState = serde_json::from_str(&json).map_err(|e| e.to_string())?;
-        raw.state()
+        // (Names and links may have anything in them.)
+        let mut state = read().map_err(|what: String| one_line(&what))?;
+        state.left_out.iter_mut().for_each(|line| *line = one_line(line));
+        Ok(state)
     }
 
     /// Whether a text may be a state: a link, or a JSON object with layers and without what a scene has.
@@ -100,9 +107,9 @@ impl State {
             let (name, url) = (&layer.name, &layer.url);
             let on_server = || Some(PathBuf::from(url)).filter(|path| is_on_server(path));
             let found = local_path(url, folder).or_else(on_server).ok_or_else(|| {
-                SessionError::Caller(format!(
+                SessionError::Caller(one_line(&format!(
                     "layer {name}: {url}: expected a file, or a store of Zarr, N5 or Neuroglancer at https://, gs:// or s3://"
-                ))
+                )))
             });
             found.map(|path| (name.clone(), path))
         };
@@ -487,4 +494,27 @@ fn is_identity(matrix: &Value) -> bool {
         let row = row.as_array().map_or(&[][..], |row| row);
         row.iter().enumerate().all(|(c, v)| v.as_f64() == Some(if r == c { 1.0 } else { 0.0 }))
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    /// Names and links with line breaks, as they are and escaped.
+    #[test]
+    fn errors_are_one_line() {
+        let layer = |source: &str| {
+            format!(
+                r#"{{"layers": [{{"type": "segmentation", "name": "a\nb", "segments": ["1"]{source}}}]}}"#
+            )
+        };
+        let wrong = ["https://h/#!gs://b/\nstate".to_owned(), "https://h/#!gs:%0Ab".into(), layer("")];
+        for text in wrong {
+            let error = State::parse(&text).unwrap_err();
+            assert!(!error.contains('\n') && error.contains(r"\n"), "{error}");
+        }
+        let elsewhere = State::parse(&layer(r#", "source": "ftp://a""#)).unwrap();
+        let error = elsewhere.sources(Path::new("/")).unwrap_err().to_string();
+        assert!(error.contains(r"layer a\nb: ftp://a"), "{error}");
+    }
 }
