@@ -268,6 +268,7 @@ def test_bad_values_are_refused(limit):
     assert preferences.memory_limit == 0
 
 
+@pytest.mark.full
 def test_a_limit_bounds_what_blender_takes(extension, tmp_path):
     """Peaks of two processes that import and render the same volume, of five chunks, one of which is in memory while pages are made. Noise does not
     compress. The system decides what a process holds beyond what it asked for, so half of the volume's bytes is what is claimed."""

@@ -33,6 +33,11 @@ impl ChunkGrid {
         Self { dims, counts: dims.map(|d| d.div_ceil(CHUNK_VOXELS)) }
     }
 
+    /// Size of the volume in voxels.
+    pub(crate) fn dims(&self) -> [u32; 3] {
+        self.dims
+    }
+
     /// Number of chunks of the volume.
     pub fn chunks(&self) -> u64 {
         self.counts.iter().fold(1, |product, &n| product * u64::from(n))

@@ -22,7 +22,8 @@ use crate::volume::MAX_DIM;
 use crate::volume_sink::VolumeSink;
 use crate::{
     ArraySource, BlockSource, CHUNK_VOXELS, ChunkGrid, ChunkSet, CompressedVolume, CompressionLevel, Error,
-    Job, LabelBlock, LabelBuffer, PartSource, Result, VolumeInfo, WrittenVolume, morton,
+    Job, KeptRecords, LabelBlock, LabelBuffer, LayerSource, PartSource, Result, VolumeInfo, WrittenVolume,
+    morton,
 };
 
 /// Options of compression. Only `types` changes the bytes of the result.
@@ -134,6 +135,49 @@ pub fn compress_parts(
     write_parts(parts, info, stored, from, options, &folder, job)
 }
 
+/// As [`compress_parts`], of a source that is read from its beginning and whose chunks of these parts end one layer. What was read is kept in
+/// `kept`, slab after slab, and what is there already is not read again: the source then begins with the voxels from
+/// [`KeptRecords::reached`] on.
+///
+/// # Errors
+/// As [`compress_parts`]; what was read before stays.
+pub fn compress_layer_parts(
+    source: &mut LayerSource,
+    parts: &[(ChunkSet, &Path)],
+    from: &PartSource,
+    kept: &mut KeptRecords,
+    options: &CompressOptions,
+    job: &Job,
+) -> Result<Vec<WrittenVolume>> {
+    let info = checked(source.info().clone())?;
+    let (grid, axis) = (ChunkGrid::new(info.dims), source.axis());
+    let expected = checked_chunks(parts, &grid)?;
+    let regions = parts.iter().flat_map(|(chunks, _)| chunks.iter()).filter_map(|number| grid.region(number));
+    let end = regions.map(|region| region[axis][1]).max().unwrap_or(0);
+    let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
+    let store = store_over(Some(kept), info.dims, 1, options, &folder)?;
+    begin_reading(expected, reading_share(CompressionLevel::Default), options, job);
+    job.advance(kept.voxels());
+    let mut voxels = kept.voxels();
+    let across: u64 = (0..3).filter(|&a| a != axis).map(|a| u64::from(info.dims[a])).product();
+    let slab = (kept.slab_voxels() / across.max(1)).max(1).next_multiple_of(CELL.into());
+    let mut at = kept.reached();
+    while at < end {
+        source.up_to((u64::from(at) / slab * slab + slab).min(end.into()) as u32);
+        let (threads, limit) = (options.thread_count(), options.memory_limit_bytes);
+        voxels += read_blocks(source, &store, threads, limit, job)?;
+        at = source.next_begin().map_or(end, |next| next.min(end));
+        if at == end {
+            check_delivered(expected, voxels)?;
+        }
+        // (Blocks beside each other may end at different places.)
+        if at >= source.reached() {
+            kept.keep(&store, at, 0, voxels)?;
+        }
+    }
+    write_parts(parts, info, stored(store, options)?, from, options, &folder, job)
+}
+
 /// The number of voxels of the chunks of all parts, which exist and are each of one part.
 pub(crate) fn checked_chunks(parts: &[(ChunkSet, &Path)], grid: &ChunkGrid) -> Result<u64> {
     let mut voxels = 0;
@@ -214,26 +258,45 @@ fn parts_of(
     job: &Job,
 ) -> Result<(VolumeInfo, StoredParts)> {
     let info = checked(source.info().clone())?;
-    let store = store_for(info.dims, 1, options, folder);
+    let store = store_over(None, info.dims, 1, options, folder)?;
+    begin_reading(expected, share, options, job);
+    make_parts(source, expected, &store, options.thread_count(), options.memory_limit_bytes, job)?;
+    Ok((info, stored(store, options)?))
+}
+
+/// Begins the stage of reading.
+fn begin_reading(expected: u64, share: f64, options: &CompressOptions, job: &Job) {
     job.begin_share(expected, share);
-    let threads = options.thread_count();
     if let Some(limit_bytes) = options.memory_limit_bytes {
         give_back_large_pieces(limit_bytes);
     }
-    make_parts(source, expected, &store, threads, options.memory_limit_bytes, job)?;
+}
+
+/// What a store has, after the last block.
+fn stored(store: PartStore, options: &CompressOptions) -> Result<StoredParts> {
     let parts = store.into_parts()?;
     if options.memory_limit_bytes.is_some() {
         // The memory of records lies in the arenas of threads that have ended.
         give_back();
     }
-    Ok((info, parts))
+    Ok(parts)
 }
 
-/// An empty store for the parts of so many frames of a volume of `dims` voxels.
-pub(crate) fn store_for(dims: [u32; 3], frames: u32, options: &CompressOptions, folder: &Path) -> PartStore {
+/// A store for the parts of so many frames of a volume of `dims` voxels: empty, or over what was kept.
+pub(crate) fn store_over(
+    kept: Option<&KeptRecords>,
+    dims: [u32; 3],
+    frames: u32,
+    options: &CompressOptions,
+    folder: &Path,
+) -> Result<PartStore> {
     // Records get a quarter of the limit, and waiting blocks at most another quarter.
-    let bytes = options.memory_limit_bytes.unwrap_or_else(|| bytes_without_limit(dims, frames));
-    PartStore::new(bytes / 4, options.memory_limit_bytes, folder)
+    let limit = options.memory_limit_bytes;
+    let bytes = limit.unwrap_or_else(|| bytes_without_limit(dims, frames)) / 4;
+    match kept {
+        None => Ok(PartStore::new(bytes, limit, folder)),
+        Some(kept) => PartStore::continuing(bytes, limit, kept),
+    }
 }
 
 /// The description of a volume with its notes in order, once it is checked.
@@ -314,6 +377,26 @@ pub(crate) fn make_parts(
     limit_bytes: Option<u64>,
     job: &Job,
 ) -> Result<()> {
+    check_delivered(expected, read_blocks(source, store, threads, limit_bytes, job)?)
+}
+
+fn check_delivered(expected: u64, delivered: u64) -> Result<()> {
+    if delivered != expected {
+        return Err(Error::Caller(format!(
+            "the source's blocks: expected {expected} voxels in all, got {delivered}"
+        )));
+    }
+    Ok(())
+}
+
+/// Adds the parts of all blocks of a source to a store; returns the number of voxels that were delivered. The job has begun.
+fn read_blocks(
+    source: &mut dyn BlockSource,
+    store: &PartStore,
+    threads: usize,
+    limit_bytes: Option<u64>,
+    job: &Job,
+) -> Result<u64> {
     let dims = source.info().dims;
     let (send, receive) = sync_channel::<LabelBlock>(threads);
     let receive = Mutex::new(receive);
@@ -381,12 +464,7 @@ pub(crate) fn make_parts(
     if let Some(error) = lock(&failure).take() {
         return Err(error);
     }
-    if delivered != expected {
-        return Err(Error::Caller(format!(
-            "the source's blocks: expected {expected} voxels in all, got {delivered}"
-        )));
-    }
-    Ok(())
+    Ok(delivered)
 }
 
 fn no_threads(threads: usize, error: impl std::fmt::Display) -> Error {

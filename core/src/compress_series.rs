@@ -11,12 +11,12 @@
 use std::path::Path;
 
 use crate::compress::{
-    checked, checked_chunks, make_parts, reading_share, store_for, write_parts, write_volume,
+    checked, checked_chunks, make_parts, reading_share, store_over, write_parts, write_volume,
 };
 use crate::store::StoredParts;
 use crate::{
     BlockSource, ChunkGrid, ChunkSet, CompressOptions, CompressedVolume, CompressionLevel, Error, Job,
-    LabelNote, PartSource, Result, VolumeInfo, WrittenVolume,
+    KeptRecords, LabelNote, PartSource, Result, VolumeInfo, WrittenVolume,
 };
 
 /// Delivers the frames of a time series, one after another.
@@ -54,6 +54,7 @@ pub fn compress_series_to_file(
     let (info, parts) = parts_of(
         source,
         (|info: &VolumeInfo| Ok(info.voxels()), reading_share(level)),
+        None,
         options,
         &folder,
         job,
@@ -62,7 +63,8 @@ pub fn compress_series_to_file(
 }
 
 /// Compresses some chunks of a time series, at all frames, into files that [`crate::merge_parts`] joins with those of the others, as
-/// [`crate::compress_parts`] does. Each frame of `source` describes the whole volume and delivers the voxels of these chunks alone.
+/// [`crate::compress_parts`] does. Each frame of `source` describes the whole volume and delivers the voxels of these chunks alone. With `kept`,
+/// each frame is kept once it is read, and what is there already is not read again.
 ///
 /// # Errors
 /// As [`compress_series_to_file`] and [`crate::compress_parts`].
@@ -70,21 +72,24 @@ pub fn compress_series_parts(
     source: &mut dyn SeriesSource,
     parts: &[(ChunkSet, &Path)],
     from: &PartSource,
+    kept: Option<&mut KeptRecords>,
     options: &CompressOptions,
     job: &Job,
 ) -> Result<Vec<WrittenVolume>> {
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     let expected = |info: &VolumeInfo| checked_chunks(parts, &ChunkGrid::new(info.dims));
     let share = reading_share(CompressionLevel::Default);
-    let (info, stored) = parts_of(source, (expected, share), options, &folder, job)?;
+    let (info, stored) = parts_of(source, (expected, share), kept, options, &folder, job)?;
     write_parts(parts, info, stored, from, options, &folder, job)
 }
 
 /// Reads all blocks of all frames; returns what the frames have in common, and what their chunks have. `expected`
-/// says how many voxels the blocks of a frame have; reading takes this share of the job's time.
+/// says how many voxels the blocks of a frame have; reading takes this share of the job's time. Of a frame that is `kept`, only the description
+/// is read.
 fn parts_of(
     source: &mut dyn SeriesSource,
     (expected, share): (impl Fn(&VolumeInfo) -> Result<u64>, f64),
+    mut kept: Option<&mut KeptRecords>,
     options: &CompressOptions,
     folder: &Path,
     job: &Job,
@@ -100,7 +105,7 @@ fn parts_of(
             None => {
                 voxels = expected(&info)?;
                 job.begin_share(voxels.saturating_mul(frames.into()), share);
-                store = Some(store_for(info.dims, frames, options, folder));
+                store = Some(store_over(kept.as_deref(), info.dims, frames, options, folder)?);
                 first = Some(VolumeInfo { notes, ..info });
             }
             Some(first) => {
@@ -112,12 +117,17 @@ fn parts_of(
                 join_notes(&mut first.notes, notes);
             }
         }
-        if let Some(store) = &store {
+        if kept.as_ref().is_some_and(|kept| frame < kept.frames()) {
+            job.advance(voxels);
+        } else if let Some(store) = &store {
             if frame > 0 {
                 store.next_frame()?;
             }
             let (threads, limit) = (options.thread_count(), options.memory_limit_bytes);
             make_parts(blocks.as_mut(), voxels, store, threads, limit, job)?;
+            if let Some(kept) = &mut kept {
+                kept.keep(store, 0, frame + 1, 0)?;
+            }
         }
     }
     let (Some(mut info), Some(store)) = (first, store) else {

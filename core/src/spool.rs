@@ -24,6 +24,7 @@ const READ_BYTES: usize = 1 << 16;
 
 /// A temporary file that takes what does not fit into memory. It is made when it is first needed.
 pub struct Scratch {
+    /// The folder, or the path of a file that is kept.
     folder: PathBuf,
     file: Mutex<Option<(std::sync::Arc<File>, u64)>>,
 }
@@ -38,6 +39,23 @@ impl Scratch {
     /// None yet, in this folder.
     pub fn new(folder: &Path) -> Self {
         Self { folder: folder.to_owned(), file: Mutex::default() }
+    }
+
+    /// One that appends to the file at `path` behind its first `end` bytes and does not remove it; without the file there is a new one.
+    ///
+    /// # Errors
+    /// [`Error::Io`].
+    pub(crate) fn kept_at(path: &Path, end: u64) -> Result<Self> {
+        let io = |source| Error::Io { path: path.to_owned(), source };
+        let mut options = File::options();
+        let file = options.read(true).write(true).create(true).truncate(false).open(path).map_err(io)?;
+        file.set_len(end).map_err(io)?;
+        Ok(Self { folder: path.to_owned(), file: Mutex::new(Some((std::sync::Arc::new(file), end))) })
+    }
+
+    /// Number of bytes that were appended.
+    pub(crate) fn len(&self) -> u64 {
+        self.file.lock().unwrap_or_else(PoisonError::into_inner).as_ref().map_or(0, |open| open.1)
     }
 
     /// Another one in the same folder.

@@ -15,8 +15,10 @@ use std::path::Path;
 use std::sync::{Arc, Mutex, PoisonError};
 
 use rustc_hash::FxHashMap;
+use serde::{Deserialize, Serialize};
 
 use crate::cell::Cell;
+use crate::kept_records::KeptRecords;
 use crate::reserve::{make_room, make_room_in_map};
 use crate::sorted_cells::SortedCells;
 use crate::spool::Scratch;
@@ -53,6 +55,34 @@ enum Piece {
     Disk(u64, u64, u64),
 }
 
+/// A piece in a file that is kept.
+#[derive(Clone, Copy, Debug, Serialize, Deserialize)]
+pub(crate) struct KeptPiece {
+    /// Morton code of the chunk.
+    pub(crate) chunk: u64,
+    frame: u32,
+    /// As in [`Piece::Disk`].
+    place: u64,
+    labels: u64,
+    records: u64,
+}
+
+/// What a kept file has.
+#[derive(Clone, Debug, Default, Serialize, Deserialize)]
+pub(crate) struct KeptPieces {
+    pub(crate) pieces: Vec<KeptPiece>,
+    /// Number of labelled voxels that were delivered of each chunk, by its Morton code.
+    pub(crate) delivered: Vec<(u64, u64)>,
+}
+
+impl KeptPiece {
+    /// Where its bytes end; `None` where numbers of no piece overflow.
+    pub(crate) fn end(&self) -> Option<u64> {
+        let of_labels = self.labels.checked_mul(16)?;
+        self.place.checked_add(of_labels)?.checked_add(self.records.checked_mul(size_of::<Cell>() as u64)?)
+    }
+}
+
 #[derive(Default)]
 struct State {
     /// Parts that wait to be merged with others; level k holds results of k merges.
@@ -81,6 +111,59 @@ impl PartStore {
     /// A store that keeps at most `limit_bytes` of records in memory and writes the rest to a file in `folder`.
     pub(crate) fn new(limit_bytes: u64, table_limit_bytes: Option<u64>, folder: &Path) -> Self {
         Self { state: Mutex::default(), limit_bytes, table_limit_bytes, scratch: Scratch::new(folder) }
+    }
+
+    /// A store that has what was kept, and appends to it.
+    ///
+    /// # Errors
+    /// As [`PartStore::add`].
+    pub(crate) fn continuing(
+        limit_bytes: u64,
+        table_limit_bytes: Option<u64>,
+        kept: &KeptRecords,
+    ) -> Result<Self> {
+        let (state, scratch) = (Mutex::default(), kept.file()?);
+        let store = Self { state, limit_bytes, table_limit_bytes, scratch };
+        let mut state = store.lock();
+        let KeptPieces { pieces, delivered } = kept.pieces();
+        for &KeptPiece { chunk, frame, place, labels, records } in pieces {
+            let mut ids = Vec::new();
+            store.scratch.read_ids(place, labels, &mut ids)?;
+            for id in ids {
+                make_room_in_map(&mut state.ids, LABELS)?;
+                state.ids.insert(id, ());
+            }
+            state.chunks.entry((chunk, frame)).or_default().push(Piece::Disk(place, labels, records));
+        }
+        state.delivered = delivered.iter().copied().collect();
+        state.frame = kept.frames().saturating_sub(1);
+        drop(state);
+        Ok(store)
+    }
+
+    /// The file of what is not in memory.
+    pub(crate) fn scratch(&self) -> &Scratch {
+        &self.scratch
+    }
+
+    /// Writes all parts to the file. Returns what is there.
+    ///
+    /// # Errors
+    /// As [`PartStore::add`].
+    pub(crate) fn all_in_file(&self) -> Result<KeptPieces> {
+        let mut state = self.lock();
+        self.spill(&mut state)?;
+        let mut pieces = Vec::new();
+        for (&(chunk, frame), of_chunk) in &state.chunks {
+            pieces.extend(of_chunk.iter().filter_map(|piece| match *piece {
+                Piece::Disk(place, labels, records) => {
+                    Some(KeptPiece { chunk, frame, place, labels, records })
+                }
+                Piece::Memory(_) => None,
+            }));
+        }
+        let delivered = state.delivered.iter().map(|(&chunk, &n)| (chunk, n)).collect();
+        Ok(KeptPieces { pieces, delivered })
     }
 
     fn lock(&self) -> std::sync::MutexGuard<'_, State> {
@@ -176,9 +259,11 @@ impl PartStore {
 
     /// Writes all parts to the file if they exceed the limit.
     fn relieve(&self, state: &mut State) -> Result<()> {
-        if state.bytes <= self.limit_bytes {
-            return Ok(());
-        }
+        if state.bytes <= self.limit_bytes { Ok(()) } else { self.spill(state) }
+    }
+
+    /// Writes all parts to the file.
+    fn spill(&self, state: &mut State) -> Result<()> {
         for part in state.waiting.iter_mut().flat_map(std::mem::take).collect::<Vec<_>>() {
             self.file(state, part)?;
         }
@@ -242,6 +327,16 @@ impl PartStore {
     }
 }
 
+impl Scratch {
+    /// Appends the ids of a piece to a list.
+    fn read_ids(&self, place: u64, labels: u64, ids: &mut Vec<u64>) -> Result<()> {
+        let from = ids.len();
+        make_room(ids, labels as usize, LABELS)?;
+        ids.resize(from + labels as usize, 0);
+        self.read(bytemuck::cast_slice_mut(&mut ids[from..]), place)
+    }
+}
+
 /// What a part has of each chunk. Most parts lie in one chunk, and stay as they are.
 fn by_chunk(part: SortedCells) -> Result<Vec<(u64, SortedCells)>> {
     let chunk_of = |cell: &Cell| cell.key / CHUNK_CELLS;
@@ -300,17 +395,12 @@ impl StoredParts {
         (self.chunks, self.delivered) = (left, others);
         let (mut ids, mut distinct) = (Vec::new(), 0);
         for piece in chunks.values().flatten() {
-            let from = ids.len();
             match piece {
                 Piece::Memory(part) => {
                     make_room(&mut ids, part.ids.len(), LABELS)?;
                     ids.extend_from_slice(&part.ids);
                 }
-                &Piece::Disk(place, labels, _) => {
-                    make_room(&mut ids, labels as usize, LABELS)?;
-                    ids.resize(from + labels as usize, 0);
-                    self.scratch.read(bytemuck::cast_slice_mut(&mut ids[from..]), place)?;
-                }
+                &Piece::Disk(place, labels, _) => self.scratch.read_ids(place, labels, &mut ids)?,
             }
             if ids.len() > MOST_REPEATED_IDS.max(2 * distinct) {
                 ids.sort_unstable();

@@ -3,6 +3,8 @@
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
 use std::path::{Path, PathBuf};
+use std::sync::Arc;
+use std::sync::atomic::{AtomicU32, Ordering::Relaxed};
 
 use pumice_core::*;
 
@@ -103,6 +105,72 @@ impl SeriesSource for Frames {
     }
 }
 
+/// The frames, of which one cannot be read and each is counted.
+struct Interrupted {
+    frames: Frames,
+    fails_at: u32,
+    blocks: Arc<AtomicU32>,
+}
+
+/// The blocks of a frame that are counted, or an error instead of them.
+struct Counted<'a>(Box<dyn BlockSource + 'a>, bool, Arc<AtomicU32>);
+
+impl SeriesSource for Interrupted {
+    fn frames(&self) -> u32 {
+        self.frames.frames
+    }
+    fn name(&self, frame: u32) -> String {
+        self.frames.name(frame)
+    }
+    fn next_frame(&mut self) -> Result<Box<dyn BlockSource + '_>> {
+        let fails = self.frames.next == self.fails_at;
+        Ok(Box::new(Counted(self.frames.next_frame()?, fails, Arc::clone(&self.blocks))))
+    }
+}
+
+impl BlockSource for Counted<'_> {
+    fn info(&self) -> &VolumeInfo {
+        self.0.info()
+    }
+    fn next_block(&mut self) -> Result<Option<LabelBlock>> {
+        if self.1 {
+            return Err(Error::Source("interrupted".into()));
+        }
+        self.2.fetch_add(1, Relaxed);
+        self.0.next_block()
+    }
+}
+
+/// Time steps that were read before an interrupt are not read again.
+#[test]
+fn frames_that_were_kept_are_not_read_again() {
+    let folder = tempfile::tempdir().unwrap();
+    let at = |name: &str| folder.path().join(name);
+    let (chunks, of) = ("1-2".parse::<ChunkSet>().unwrap(), from("a", ""));
+    let expected = part(at("alone"), Frames::new(FRAMES, Some("1-2")), &of, &options(1, None));
+    for limit in [None, Some(1 << 20)] {
+        let go_on = |fails_at: u32| {
+            let frames = Frames::new(FRAMES, Some("1-2"));
+            let mut source = Interrupted { frames, fails_at, blocks: Arc::default() };
+            let mut kept =
+                KeptRecords::open(folder.path(), "000001", &chunks, &ChunkGrid::new(DIMS)).unwrap();
+            let (path, options) = (at("kept"), options(2, limit));
+            let parts = [(chunks.clone(), &*path)];
+            let made =
+                compress_series_parts(&mut source, &parts, &of, Some(&mut kept), &options, &Job::new());
+            (made.is_ok(), source.blocks.load(Relaxed), kept)
+        };
+        let (done, first, _) = go_on(1);
+        assert!(!done && first > 1);
+        let (done, second, _) = go_on(FRAMES - 1);
+        assert!(!done && second == first * (FRAMES - 2), "{second}");
+        let (done, rest, kept) = go_on(u32::MAX);
+        assert!(done && rest == first, "{rest}");
+        kept.remove().unwrap();
+        assert!(std::fs::read(at("kept")).unwrap() == std::fs::read(&expected).unwrap());
+    }
+}
+
 fn options(threads: usize, memory_limit_bytes: Option<u64>) -> CompressOptions {
     CompressOptions { threads, memory_limit_bytes, ..CompressOptions::default() }
 }
@@ -113,7 +181,7 @@ fn from(fingerprint: &str, reading: &str) -> PartSource {
 
 fn part(path: PathBuf, mut source: Frames, of: &PartSource, options: &CompressOptions) -> PathBuf {
     let chunks = source.chunks.clone().unwrap();
-    compress_series_parts(&mut source, &[(chunks, &path)], of, options, &Job::new()).unwrap();
+    compress_series_parts(&mut source, &[(chunks, &path)], of, None, options, &Job::new()).unwrap();
     path
 }
 
@@ -215,7 +283,8 @@ fn parts_of_other_series_are_refused_by_name() {
     let mut source = small(3, "0");
     let path = at("wrong");
     let parts = [("0,2".parse().unwrap(), &*path)];
-    let error = compress_series_parts(&mut source, &parts, &from("a", ""), &options(1, None), &Job::new());
+    let error =
+        compress_series_parts(&mut source, &parts, &from("a", ""), None, &options(1, None), &Job::new());
     assert!(error.unwrap_err().to_string().contains("expected numbers from 0 to 1"));
     assert!(!path.exists());
 }

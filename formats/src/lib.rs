@@ -41,7 +41,6 @@ mod hdf5_format;
 #[cfg(feature = "hdf5")]
 mod hdf5_lzf;
 mod header_text;
-mod layer_source;
 mod layout;
 mod levels;
 mod metaimage;
@@ -109,7 +108,6 @@ mod zarr_shards;
 pub use choice::{ChoiceValue, OpenChoice};
 pub use error::FormatError;
 pub use label_tables::{LabelTableFile, LabelTableFormat, read_label_table, write_label_table};
-pub use layer_source::LayerSource;
 pub use mesh::open_mesh;
 pub use open::{Probe, Reach, open, open_regions, probe, reach};
 pub use options::{ArrayAxes, MissingChunks, OpenOptions, RawLayout, Recorded, Roi, Scale, Warnings};

@@ -72,7 +72,7 @@ pub(crate) fn compress_part(
     let options = CompressOptions { threads, memory_limit_bytes: memory_limit, ..CompressOptions::default() };
     let from = PartSource { name: source_name, fingerprint, reading: reading.to_string() };
     with_frames(py, frames, &job, |source| {
-        Ok(compress_series_parts(source, &[(chunks, &out)], &from, &options, &job)?)
+        Ok(compress_series_parts(source, &[(chunks, &out)], &from, None, &options, &job)?)
     })?;
     Ok(reading.warnings.list())
 }

@@ -12,7 +12,7 @@ use serde::Serialize;
 use crate::compress_file::{CompressOutcome, LabelsGiven};
 use crate::error::Result;
 use crate::measure::Stopwatch;
-use crate::part_input::{PartInput, PartWriter};
+use crate::part_input::{PartGroup, PartInput, PartWriter};
 
 /// Input, output and options of [`compress_part_file`].
 #[derive(Clone, Debug)]
@@ -69,8 +69,8 @@ pub fn compress_part_file(request: &PartRequest, job: &Job) -> Result<PartOutcom
     let input = PartInput::new(&request.inputs, request.time_steps, &request.reading)?;
     let (source, info) = (input.source()?, input.info()?);
     let limits = (request.threads, request.memory_limit_bytes);
-    let part = (request.chunks.clone(), &*request.output);
-    let mut written = PartWriter::new(&input, (&source, &info), limits).write(&[part], job)?;
+    let group = PartGroup { parts: vec![(request.chunks.clone(), &*request.output)], kept: None };
+    let mut written = PartWriter::new(&input, (&source, &info), limits).write(group, job)?;
     let written = written.remove(0);
     Ok(PartOutcome::of(&written, request.chunks.clone(), &clock, request.reading.warnings.list()))
 }

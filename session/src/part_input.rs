@@ -4,10 +4,11 @@ use std::collections::BTreeMap;
 use std::path::{Path, PathBuf};
 
 use pumice_core::{
-    BlockSource, ChunkGrid, ChunkSet, CompressOptions, Job, PartSource, SeriesSource as _, VolumeInfo,
-    VoxelRegion, WrittenVolume, compress_parts, compress_series_parts,
+    BlockSource, ChunkGrid, ChunkSet, CompressOptions, Job, KeptRecords, LayerSource, PartSource,
+    SeriesSource as _, VolumeInfo, VoxelRegion, WrittenVolume, compress_layer_parts, compress_parts,
+    compress_series_parts,
 };
-use pumice_formats::{FileSeries, LayerSource, OpenOptions, Reach, TimeSteps, open_series};
+use pumice_formats::{FileSeries, OpenOptions, Reach, TimeSteps, open_series};
 
 use crate::compress_file::limit_error;
 use crate::error::{Result, SessionError};
@@ -126,6 +127,12 @@ pub(crate) struct PartWriter<'a> {
     layers: Option<LayerSource>,
 }
 
+/// Parts whose voxels are read together, and what was kept of them where they are several that are read from the beginning of a source.
+pub(crate) struct PartGroup<'a> {
+    pub(crate) parts: Vec<PartAt<'a>>,
+    pub(crate) kept: Option<KeptRecords>,
+}
+
 /// Chunks, and the path of the part that they are compressed into.
 pub(crate) type PartAt<'a> = (ChunkSet, &'a Path);
 
@@ -139,37 +146,49 @@ impl<'a> PartWriter<'a> {
         Self { input, source, info, threads, memory_limit_bytes, layers: None }
     }
 
-    /// Takes the parts that are to be written, in the order of [`PartInput::groups`]: a volume that has to be read from its beginning is then read once
+    /// Takes all that is to be written, in the order of [`PartInput::groups`]: a volume that has to be read from its beginning is then read once
     /// for all of them. A time series is read anew for each group.
-    pub(crate) fn announce<'p>(&mut self, parts: impl Iterator<Item = &'p PartAt<'p>>) -> Result<()> {
-        let regions = self.regions(parts)?;
-        if let (Reach::InOrder(axis), None, false) =
-            (self.input.reach()?, &self.input.series, regions.is_empty())
-        {
-            self.layers = Some(LayerSource::new(self.open(&regions)?, axis));
+    pub(crate) fn announce(&mut self, groups: &[PartGroup<'_>]) -> Result<()> {
+        let (Reach::InOrder(axis), None) = (self.input.reach()?, &self.input.series) else { return Ok(()) };
+        let mut regions = Vec::new();
+        for group in groups {
+            let reached = group.kept.as_ref().map_or(0, KeptRecords::reached);
+            for mut region in self.regions(&group.parts)? {
+                region[axis][0] = region[axis][0].max(reached);
+                regions.extend((region[axis][0] < region[axis][1]).then_some(region));
+            }
         }
+        self.layers = Some(LayerSource::new(self.open(&regions)?, axis));
         Ok(())
     }
 
     /// Writes parts whose voxels are read together.
-    pub(crate) fn write(&mut self, parts: &[PartAt<'_>], job: &Job) -> Result<Vec<WrittenVolume>> {
+    pub(crate) fn write(&mut self, group: PartGroup<'_>, job: &Job) -> Result<Vec<WrittenVolume>> {
+        let PartGroup { parts, mut kept } = group;
         let options = CompressOptions {
             threads: self.threads.unwrap_or(0),
             memory_limit_bytes: self.memory_limit_bytes,
             ..CompressOptions::default()
         };
-        let regions = self.regions(parts.iter())?;
+        let (regions, source) = (self.regions(&parts)?, self.source);
         let written = match (&self.input.series, &mut self.layers) {
             (Some(series), _) => {
-                compress_series_parts(&mut series.of_regions(regions), parts, self.source, &options, job)
+                let mut frames = series.of_regions(regions);
+                compress_series_parts(&mut frames, &parts, source, kept.as_mut(), &options, job)
             }
-            (None, Some(layers)) => {
-                layers.up_to(&regions);
-                compress_parts(layers, parts, self.source, &options, job)
-            }
-            (None, None) => compress_parts(self.open(&regions)?.as_mut(), parts, self.source, &options, job),
+            (None, Some(layers)) => match &mut kept {
+                Some(kept) => compress_layer_parts(layers, &parts, source, kept, &options, job),
+                None => {
+                    let axis = layers.axis();
+                    layers.up_to(regions.iter().map(|region| region[axis][1]).max().unwrap_or(0));
+                    compress_parts(layers, &parts, source, &options, job)
+                }
+            },
+            (None, None) => compress_parts(self.open(&regions)?.as_mut(), &parts, source, &options, job),
         };
-        written.map_err(|e| limit_error(e, &self.input.first, self.memory_limit_bytes))
+        let written = written.map_err(|e| limit_error(e, &self.input.first, self.memory_limit_bytes))?;
+        kept.map_or(Ok(()), KeptRecords::remove)?;
+        Ok(written)
     }
 
     fn open(&self, regions: &[VoxelRegion]) -> Result<Box<dyn BlockSource>> {
@@ -177,7 +196,7 @@ impl<'a> PartWriter<'a> {
     }
 
     /// The regions of all chunks of some parts.
-    fn regions<'p>(&self, parts: impl Iterator<Item = &'p PartAt<'p>>) -> Result<Vec<VoxelRegion>> {
+    fn regions(&self, parts: &[PartAt<'_>]) -> Result<Vec<VoxelRegion>> {
         let grid = ChunkGrid::new(self.info.dims);
         let mut regions = Vec::new();
         for (chunks, _) in parts {

@@ -3,21 +3,25 @@
 //! ```text
 //! OUT.pumice.parts/     manifest.json      source, options, how many parts
 //!                       000000.part …      a chunk each, at all time steps: whole files under their names, or not there
+//!                       000000.read …      where several chunks are read together, how far, and with
+//!                       000000.records …   what: until their parts are there
 //! all parts there       merged to OUT.pumice, which appears at once; then the folder is removed
 //! ```
 //! What can be lost is the part that was being made. Where voxels have to be read one after another, the parts of a layer of chunks are made when
-//! all of it is read, and what was read of it is lost too.
+//! all of it is read; of what was read, a quarter of a chunk's voxels can be lost, and of a time series one time step.
 
 use std::path::{Path, PathBuf};
 
-use pumice_core::{ChunkSet, CompressionLevel, Job, PartSource, read_input, write_text};
+use pumice_core::{
+    ChunkGrid, ChunkSet, CompressionLevel, Job, KeptRecords, PartSource, read_input, write_text,
+};
 use serde::{Deserialize, Serialize};
 
 use crate::compress_file::{CompressOutcome, CompressRequest, LabelsGiven};
 use crate::error::{Result, SessionError, io};
 use crate::measure::Stopwatch;
 use crate::part_files::{MergeRequest, merge_with};
-use crate::part_input::{PartAt, PartInput, PartWriter};
+use crate::part_input::{PartAt, PartGroup, PartInput, PartWriter};
 
 /// What to do with the parts that an interrupted compression left.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -109,23 +113,33 @@ pub fn compress_resumable_with(
     let parts: Vec<PathBuf> = (0..chunks).map(|i| folder.join(format!("{i:06}.part"))).collect();
     let done = || parts.iter().filter(|part| part.exists()).count();
     let making = making_share(request.level);
+    let missing = |group: &Vec<u64>| {
+        let parts = group.iter().map(|&number| (ChunkSet::of([number]), &*parts[number as usize]));
+        let parts: Vec<PartAt<'_>> = parts.filter(|(_, part)| !part.exists()).collect();
+        let (first, grid) = (group.first().copied().unwrap_or(0), ChunkGrid::new(info.dims));
+        let wanted = ChunkSet::of(parts.iter().flat_map(|(chunks, _)| chunks.iter()));
+        let kept = KeptRecords::open(&folder, &format!("{first:06}"), &wanted, &grid);
+        let kept = kept.map_err(|e| SessionError::Caller(format!("{e}; --restart removes what is there")))?;
+        // All parts of these chunks appeared before what was read of them was removed.
+        if parts.is_empty() {
+            kept.remove()?;
+            return Ok(PartGroup { parts, kept: None });
+        }
+        Ok(PartGroup { parts, kept: (group.len() > 1).then_some(kept) })
+    };
+    let missing = groups.iter().map(missing).collect::<Result<Vec<_>>>()?;
     let work = || {
-        let missing = |group: &Vec<u64>| -> Vec<PartAt<'_>> {
-            let parts = group.iter().map(|&number| (ChunkSet::of([number]), &*parts[number as usize]));
-            parts.filter(|(_, part)| !part.exists()).collect()
-        };
-        let missing: Vec<Vec<PartAt<'_>>> = groups.iter().map(missing).collect();
         let limits = (request.threads, request.memory_limit_bytes);
         let mut writer = PartWriter::new(&input, (&manifest.source, &info), limits);
-        writer.announce(missing.iter().flatten())?;
+        writer.announce(&missing)?;
         let mut before = 0;
-        for (group, missing) in groups.iter().zip(&missing) {
+        for (group, missing) in groups.iter().zip(missing) {
             job.check()?;
             let at = |parts: usize| making * parts as f64 / chunks as f64;
             // Of a layer some parts may be there, and the rest take their time.
-            job.begin_part(at(before + group.len() - missing.len())..at(before + group.len()));
+            job.begin_part(at(before + group.len() - missing.parts.len())..at(before + group.len()));
             before += group.len();
-            if !missing.is_empty() {
+            if !missing.parts.is_empty() {
                 writer.write(missing, job)?;
             }
         }
@@ -232,7 +246,8 @@ fn own_files(folder: &Path) -> Result<(Vec<PathBuf>, Vec<PathBuf>)> {
     for entry in std::fs::read_dir(folder).map_err(io(folder))? {
         let path = entry.map_err(io(folder))?.path();
         let name = path.file_name().unwrap_or_default().to_string_lossy().into_owned();
-        let number = name.strip_suffix(".part").unwrap_or_default();
+        let number =
+            [".part", ".read", ".records"].iter().find_map(|end| name.strip_suffix(end)).unwrap_or_default();
         let is_part = number.len() >= 6 && number.bytes().all(|b| b.is_ascii_digit());
         let is_own = is_part || name == MANIFEST || name.starts_with(".pumice-");
         let list: &mut Vec<PathBuf> = if is_own { &mut files.0 } else { &mut files.1 };

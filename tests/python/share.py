@@ -31,7 +31,12 @@ def pytest_collection_modifyitems(config, items):
 
 def one_of_today(things):
     """A list of the one thing that PUMICE_TEST_SHARE selects, which changes daily; all for `full`; the first if it is unset."""
+    return some_of_today(things, len(things))
+
+
+def some_of_today(things, days):
+    """Those of the things that PUMICE_TEST_SHARE selects: each of them has its turn in as many days; all for `full`."""
     which = os.environ.get("PUMICE_TEST_SHARE", "")
     if which == "full":
         return list(things)
-    return [things[int(which.partition("/")[0] or 0) % len(things)]]
+    return list(things)[int(which.partition("/")[0] or 0) % days :: days]

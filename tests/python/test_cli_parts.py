@@ -17,9 +17,13 @@ import pytest
 import tifffile
 import zarr
 from command import run
+from share import one_of_today
 
 # Chunks 3 × 2 × 1; the last along x and y are a few voxels wide.
 SHAPE = (2053, 1030, 6)
+
+# Sources beside a store.
+OTHERS = ["rows along z", "rows along x", "pages", "stream", "layers"]
 
 
 @pytest.fixture(scope="module")
@@ -70,7 +74,7 @@ def whole(pumice, sources, tmp_path_factory):
     return at
 
 
-@pytest.mark.parametrize("kind", ["store", "rows along z", "rows along x", "pages", "stream", "layers"])
+@pytest.mark.parametrize("kind", ["store", *one_of_today(OTHERS)])
 def test_merged_parts_are_the_whole_volume(pumice, sources, whole, tmp_path, kind):
     parts = []
     for chunks in ("0,5", "4", "1-3"):
@@ -193,7 +197,7 @@ def goes_on(pumice, args, out, expected, moments, how):
         assert sorted(p.name for p in out.parent.iterdir() if not p.name.startswith(".pumice-")) == [out.name]
 
 
-@pytest.mark.parametrize("kind", ["store", "rows along z", "layers"])
+@pytest.mark.parametrize("kind", one_of_today(["store", "rows along z", "layers"]))
 def test_what_is_killed_goes_on(pumice, sources, whole, tmp_path, kind):
     out = tmp_path / "out.pumice"
     args = ["compress", *sources[kind], "--threads", "1", "-o", out]
@@ -217,7 +221,50 @@ def test_what_is_killed_at_any_moment_goes_on(pumice, sources, whole, tmp_path, 
     goes_on(pumice, args, out, whole("default"), [took * rng.uniform(0, 1.1) for _ in range(50)], signal.SIGKILL)
 
 
-@pytest.mark.parametrize("kind", ["store", "rows along z", "rows along x", "pages", "stream", "layers"])
+@pytest.mark.full
+def test_what_was_read_of_a_stream_is_kept(pumice, tmp_path):
+    """Four chunks that are read together, in slabs of 256 slices: one that was read is not read again, whether the command is killed while it reads or
+    while it makes parts. Damage to what is kept is named."""
+    shape = (1030, 1030, 600)
+    x, y, z = np.ogrid[: shape[0], : shape[1], : shape[2]]
+    labels = ((x // 13 + y // 7 + z // 5) % 11 * ((x // 64 + y // 64 + z // 64) % 3 == 0)).astype(np.uint8)
+    source, out = tmp_path / "a.raw.gz", tmp_path / "out.pumice"
+    source.write_bytes(gzip.compress(labels.tobytes(order="F"), 1))
+    del labels
+    args = ["compress", source, "--raw-dims", ",".join(map(str, shape)), "--raw-type", "u8", "-o"]
+    run(pumice, *args, tmp_path / "whole.pumice").fine()
+    expected = (tmp_path / "whole.pumice").read_bytes()
+    description, records = (tmp_path / "out.pumice.parts" / name for name in ("000000.read", "000000.records"))
+
+    def reached():
+        return json.loads(description.read_text().splitlines()[0])["reached"] if description.exists() else 0
+
+    def killed(is_due):
+        def end(process):
+            deadline = time.monotonic() + 300
+            while not is_due() and time.monotonic() < deadline:
+                time.sleep(0.002)
+            os.kill(process.pid, signal.SIGKILL)
+
+        assert run(pumice, *args, out, "--resume", meanwhile=end).code != 0 and not out.exists()
+        return reached()
+
+    # (A slab ends with the block that reaches its end.)
+    first = killed(lambda: reached() > 0)
+    assert 256 <= first < 300
+    data = records.read_bytes()
+    records.write_bytes(data[:1000] + bytes([data[1000] ^ 1]) + data[1001:])
+    line = run(pumice, *args, out, "--resume").refused()
+    assert "000000.read: the file or its records are damaged; --restart removes what is there" in line
+    records.write_bytes(data)
+    assert 512 <= killed(lambda: reached() > first) < 600
+    assert killed(lambda: any(records.parent.glob("*.part"))) == 600
+    run(pumice, *args, out, "--resume").fine()
+    assert out.read_bytes() == expected
+    assert not records.parent.exists()
+
+
+@pytest.mark.parametrize("kind", one_of_today(["store", *OTHERS]))
 def test_each_part_is_that_of_one_chunk(pumice, sources, whole, tmp_path, kind):
     """Also where a layer of chunks is read at once. The command is killed once all parts are there, while it codes the voxels of all."""
     out, folder = tmp_path / "out.pumice", tmp_path / "out.pumice.parts"

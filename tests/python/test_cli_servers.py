@@ -10,6 +10,7 @@ import pytest
 import tensorstore as ts
 import zarr
 from command import run
+from share import one_of_today
 from store_server import serving
 
 SHAPE = (40, 36, 50)
@@ -79,7 +80,7 @@ def compressed(pumice, source, out, *flags, env=None):
     return out.read_bytes(), done
 
 
-@pytest.mark.parametrize("write", STORES, ids=lambda write: write.__name__)
+@pytest.mark.parametrize("write", one_of_today(STORES), ids=lambda write: write.__name__)
 def test_a_store_gives_the_same_from_a_server(pumice, tmp_path, write):
     write(tmp_path / "store")
     expected, said = compressed(pumice, tmp_path / "store", tmp_path / "a.pumice")
@@ -139,6 +140,7 @@ def test_buckets_are_read_through_an_endpoint(pumice, tmp_path):
             assert got == expected
 
 
+@pytest.mark.full
 def test_what_passes_is_asked_again(pumice, tmp_path):
     zarr_3(tmp_path / "store")
     expected, _ = compressed(pumice, tmp_path / "store", tmp_path / "a.pumice")
@@ -156,6 +158,7 @@ def test_what_passes_is_asked_again(pumice, tmp_path):
         assert "zarr.json: the server sends the file compressed by deflate" in run(pumice, "info", f"{server.url}/store").refused()
 
 
+@pytest.mark.full
 def test_faults_are_one_line(pumice, tmp_path):
     zarr_3(tmp_path / "store")
     out = tmp_path / "b.pumice"

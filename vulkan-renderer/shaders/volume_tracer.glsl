@@ -178,7 +178,9 @@ uint brick_part(InstanceRef instance, uint brick, uvec3 voxel, uint only) {
             }
         }
         if (instance.it.lod != LEVEL_VOXELS) {
-            if (part.label < label) {
+            // (A box with all its voxels may have a cell in which it does not hold this one.)
+            if (part.label < label
+                && (instance.it.lod != LOD_BY_DISTANCE || holds(instance, box_place(instance, part.box_number), voxel))) {
                 candidate = part.box_number;
                 label = part.label;
             }

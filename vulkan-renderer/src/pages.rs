@@ -18,9 +18,8 @@ use std::time::{Duration, Instant};
 
 use pumice_core::reserve::size_text;
 use pumice_core::{CompressedVolume, Residency};
-use pumice_transport::geometry::LodChoice;
+use pumice_transport::geometry::Detail;
 use pumice_transport::geometry::drawn_pages::{DrawnInPages, DrawnPages, Former, source};
-use pumice_transport::geometry::lod::{Detail, DetailLevel};
 use pumice_transport::{BoxBounds, RenderError};
 use rayon::prelude::*;
 
@@ -40,10 +39,6 @@ const SMALL_TILE: u64 = 64;
 /// Pages for which there must be room: one that a ray is in, and one that it asks for.
 const LEAST_PAGES: u64 = 2;
 
-/// Another backend draws what this one does not.
-const BY_DISTANCE: &str = "memory limit: levels of detail by distance (--lod auto) are drawn from disk by the processor alone: take another \
-                           level or --backend cpu, or leave the limit out";
-
 /// What is drawn of a volume on disk.
 #[derive(Debug)]
 pub(crate) struct PagedVolume {
@@ -57,30 +52,21 @@ pub(crate) struct PagedVolume {
 }
 
 impl PagedVolume {
-    /// Makes the pages of the visible labels; those that `former` draws alike are those of `former`. `None` where nothing is drawn.
+    /// Makes the pages of the visible labels, at the levels of `detail`; those that `former` draws alike are those of `former`. `None` where
+    /// nothing is drawn. `is_tight` as in [`DrawnPages::new`].
     ///
     /// # Errors
-    /// As [`DrawnPages::new`]; for levels of detail that depend on distance; those of the device.
+    /// As [`DrawnPages::new`]; those of the device.
     pub(crate) fn new(
         gpu: &Gpu,
         volume: &CompressedVolume,
         visible: &[bool],
-        lod: LodChoice,
+        (detail, is_tight): (Detail, bool),
         former: Option<&Self>,
     ) -> Result<(Option<Self>, layout::Instance), UploadError> {
-        let level = match lod {
-            LodChoice::Voxels => DetailLevel::Voxels,
-            LodChoice::Cells => DetailLevel::Cells,
-            LodChoice::Boxes => DetailLevel::Boxes,
-            LodChoice::Distance { .. } => {
-                return Err(RenderError::Device(BY_DISTANCE.into()).into());
-            }
-        };
         let mut record = layout::Instance { dims: volume.info().dims, ..layout::Instance::default() };
         let Some(pages) = volume.pages() else { return Ok((None, record)) };
         let before = former.map(|f| Former { pages: &f.drawn, visible: &f.visible });
-        let is_tight = lod == LodChoice::Voxels;
-        let detail = Detail::Same(level);
         let (drawn, in_pages) = DrawnPages::new(volume, pages, visible, detail, is_tight, before)?;
         let Some(drawn) = drawn else { return Ok((None, record)) };
         let DrawnInPages { boxes, bounds } = in_pages;
@@ -101,6 +87,11 @@ impl PagedVolume {
         let made = Self { drawn, visible: visible.to_vec(), memory, leaves, leaves_of_chunks };
         made.memory.offer(made.drawn.drawn().len() as u64, made.bytes_of_all());
         Ok((Some(made), record))
+    }
+
+    /// The levels of detail of its boxes.
+    pub(crate) fn detail(&self) -> &Detail {
+        self.drawn.detail()
     }
 
     /// Bytes of a drawn page on the device.

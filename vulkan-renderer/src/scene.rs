@@ -20,7 +20,7 @@ use glam::DAffine3;
 use pumice_core::{CompressedVolume, MeshData, NoMemory};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::geometry::drawn_pages::refused;
-use pumice_transport::geometry::{Contacts, Cuts, InstanceTree, LodChoice, Placement, WorldBounds};
+use pumice_transport::geometry::{Contacts, Cuts, Detail, InstanceTree, LodChoice, Placement, WorldBounds};
 use pumice_transport::{BoxBounds, Bvh, Emitters, FilterTable, Lights, MaterialTable, RenderError};
 
 use crate::device::{Acceleration, Buffer, DeviceError, Gpu};
@@ -186,8 +186,13 @@ impl Boxes {
         Ok(Self { content: Content::Whole(Box::new(whole)), record })
     }
 
-    /// The pages of a volume on disk; those that `former` draws alike are those of `former`.
-    pub(crate) fn in_pages(gpu: &Gpu, what: &Drawn<'_>, former: Option<&Self>) -> Result<Self, UploadError> {
+    /// The pages of a volume on disk, with the levels of `detail`; those that `former` draws alike are those of `former`.
+    pub(crate) fn in_pages(
+        gpu: &Gpu,
+        what: &Drawn<'_>,
+        detail: Detail,
+        former: Option<&Self>,
+    ) -> Result<Self, UploadError> {
         let &Drawn { volume, visible, lod, smooth, hidden_too, .. } = what;
         if smooth {
             return Err(refused("smooth shading of voxels (smooth_voxels)").into());
@@ -196,7 +201,8 @@ impl Boxes {
             return Err(refused("a measurement of hidden labels").into());
         }
         let former = former.and_then(|f| f.paged()).map(Arc::as_ref);
-        let (paged, record) = PagedVolume::new(gpu, volume, visible, lod, former)?;
+        let is_tight = lod == LodChoice::Voxels;
+        let (paged, record) = PagedVolume::new(gpu, volume, visible, (detail, is_tight), former)?;
         Ok(Self { content: Content::Paged(paged.map(Arc::new)), record })
     }
 
@@ -219,6 +225,11 @@ impl Boxes {
             Content::Whole(_) => None,
             Content::Paged(paged) => paged.as_ref(),
         }
+    }
+
+    /// Whether they can be drawn with these levels of detail. (What is on the device as a whole can with any; a page has those of its boxes.)
+    pub(crate) fn suit(&self, detail: &Detail) -> bool {
+        self.paged().is_none_or(|paged| paged.detail() == detail)
     }
 
     /// Nodes of a volume that is on the device as a whole.

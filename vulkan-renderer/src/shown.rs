@@ -535,7 +535,9 @@ impl<'a> Making<'a> {
             false if plan.number == Reuse::Keep => plan.boxes().unshared(),
             false => Source::Built,
         };
-        let boxes = match source.find(former, |i| before.get(i)) {
+        let placement = Placement::of_instance(place as u32, instance.world_from_index)?;
+        let detail = self.lod.placed(&placement.world_from_index);
+        let boxes = match source.find(former, |i| before.get(i)).filter(|like| like.boxes.suit(&detail)) {
             Some(like) => Arc::clone(&like.boxes),
             None => {
                 self.counters.rebuilt.acceleration += 1;
@@ -552,7 +554,7 @@ impl<'a> Making<'a> {
                 };
                 let before_edit = plan.former.and_then(former);
                 if volume.pages().is_some() {
-                    Arc::new(Boxes::in_pages(gpu, &drawn, before_edit.map(|i| i.boxes.as_ref()))?)
+                    Arc::new(Boxes::in_pages(gpu, &drawn, detail, before_edit.map(|i| i.boxes.as_ref()))?)
                 } else {
                     // The nodes of this volume may be on the device already, with all wanted labels.
                     let here = before_edit.into_iter().chain(before).filter_map(|i| i.boxes.nodes());
@@ -579,7 +581,6 @@ impl<'a> Making<'a> {
                 Arc::new(CutsOnDevice::new(gpu, cuts)?)
             }
         };
-        let placement = Placement::of_instance(place as u32, instance.world_from_index)?;
         Ok(InstanceOnDevice { boxes, materials, cuts, placement, lod: self.lod })
     }
 

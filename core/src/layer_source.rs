@@ -1,26 +1,42 @@
 //! Divides the blocks of a source into layers along its slowest axis, so that what is finished of a stream can be kept before its end.
 
-use pumice_core::{BlockSource, LabelBlock, Result, VolumeInfo, VoxelRegion};
+use crate::{BlockSource, LabelBlock, Result, VolumeInfo};
 
 /// A source that ends where it is told to, and goes on from there.
 pub struct LayerSource {
     inner: Box<dyn BlockSource>,
     axis: usize,
     end: u32,
+    /// Where the blocks that were delivered end.
+    reached: u32,
     /// The first block behind the end.
     behind: Option<LabelBlock>,
 }
 
 impl LayerSource {
-    /// Divides a source whose blocks come in the order of their voxels along `axis` (0 to 2 for x to z), which [`crate::Reach::InOrder`] names. It
-    /// has no layer yet.
+    /// Divides a source whose blocks come in the order of their voxels along `axis` (0 to 2 for x to z). It has no layer yet.
     pub fn new(inner: Box<dyn BlockSource>, axis: usize) -> Self {
-        Self { inner, axis, end: 0, behind: None }
+        Self { inner, axis, end: 0, reached: 0, behind: None }
     }
 
-    /// Adds the voxels up to the end of some chunks to what is delivered.
-    pub fn up_to(&mut self, chunks: &[VoxelRegion]) {
-        self.end = chunks.iter().fold(self.end, |end, chunk| end.max(chunk[self.axis][1]));
+    /// The axis along which blocks come.
+    pub fn axis(&self) -> usize {
+        self.axis
+    }
+
+    /// Adds the blocks that begin before `end`, a voxel along the axis, to what is delivered.
+    pub fn up_to(&mut self, end: u32) {
+        self.end = self.end.max(end);
+    }
+
+    /// Where the first block behind the end begins, once all before it were delivered and if there is one.
+    pub fn next_begin(&self) -> Option<u32> {
+        self.behind.as_ref().map(|block| block.origin[self.axis])
+    }
+
+    /// Where the blocks that were delivered end.
+    pub fn reached(&self) -> u32 {
+        self.reached
     }
 }
 
@@ -29,7 +45,7 @@ impl BlockSource for LayerSource {
         self.inner.info()
     }
 
-    /// The next block before the end; blocks lie on one side of it, since they end at the faces of chunks.
+    /// The next block that begins before the end. (Blocks end at the faces of chunks, so none reaches beyond a layer of chunks.)
     fn next_block(&mut self) -> Result<Option<LabelBlock>> {
         let next = match self.behind.take() {
             Some(block) => Some(block),
@@ -40,15 +56,17 @@ impl BlockSource for LayerSource {
             self.behind = next;
             return Ok(None);
         }
+        if let Some(block) = &next {
+            self.reached = self.reached.max(block.origin[self.axis].saturating_add(block.dims[self.axis]));
+        }
         Ok(next)
     }
 }
 
 #[cfg(test)]
 mod tests {
-    use pumice_core::{ArraySource, LabelBuffer, LabelType};
-
     use super::*;
+    use crate::{ArraySource, LabelBuffer, LabelType};
 
     #[test]
     fn each_layer_has_its_own_blocks_and_none_is_lost() {
@@ -61,12 +79,12 @@ mod tests {
             assert!(source.next_block().unwrap().is_none());
             let mut reached = 0;
             for &end in ends {
-                source.up_to(&[[[0, 2], [0, 2], [0, end.min(1024)]], [[0, 2], [0, 2], [1024, end]]]);
+                source.up_to(end);
                 while let Some(block) = source.next_block().unwrap() {
                     assert_eq!((block.origin[2], block.get([1, 1, 0])), (reached, reached.into()));
                     reached += block.dims[2];
                 }
-                assert_eq!(reached, end);
+                assert_eq!((reached, source.next_begin()), (end, Some(end).filter(|&end| end < 2500)));
             }
             assert!(source.next_block().unwrap().is_none());
         }
