@@ -22,8 +22,8 @@ use crate::volume::MAX_DIM;
 use crate::volume_sink::VolumeSink;
 use crate::{
     ArraySource, BlockSource, CHUNK_VOXELS, ChunkGrid, ChunkSet, CompressedVolume, CompressionLevel, Error,
-    Job, KeptRecords, LabelBlock, LabelBuffer, LayerSource, PartSource, Result, VolumeInfo, WrittenVolume,
-    morton,
+    Job, KeptRecords, LabelBlock, LabelBuffer, LayerSource, PartSource, Result, VolumeInfo, VoxelRegion,
+    WrittenVolume, morton,
 };
 
 /// Options of compression. Only `types` changes the bytes of the result.
@@ -152,13 +152,19 @@ pub fn compress_layer_parts(
     let info = checked(source.info().clone())?;
     let (grid, axis) = (ChunkGrid::new(info.dims), source.axis());
     let expected = checked_chunks(parts, &grid)?;
-    let regions = parts.iter().flat_map(|(chunks, _)| chunks.iter()).filter_map(|number| grid.region(number));
-    let end = regions.map(|region| region[axis][1]).max().unwrap_or(0);
+    let regions =
+        || parts.iter().flat_map(|(chunks, _)| chunks.iter()).filter_map(|number| grid.region(number));
+    let end = regions().map(|region| region[axis][1]).max().unwrap_or(0);
+    // Of these chunks alone: others of the layer, which were read with them, may have become parts since.
+    let read_before = |mut region: VoxelRegion| {
+        region[axis][1] = region[axis][1].min(kept.reached()).max(region[axis][0]);
+        region.iter().map(|[begin, end]| u64::from(end - begin)).product::<u64>()
+    };
+    let mut voxels = regions().map(read_before).sum();
     let folder = options.temp_folder.clone().unwrap_or_else(std::env::temp_dir);
     let store = store_over(Some(kept), info.dims, 1, options, &folder)?;
     begin_reading(expected, reading_share(CompressionLevel::Default), options, job);
-    job.advance(kept.voxels());
-    let mut voxels = kept.voxels();
+    job.advance(voxels);
     let across: u64 = (0..3).filter(|&a| a != axis).map(|a| u64::from(info.dims[a])).product();
     let slab = (kept.slab_voxels() / across.max(1)).max(1).next_multiple_of(CELL.into());
     let mut at = kept.reached();
@@ -172,7 +178,7 @@ pub fn compress_layer_parts(
         }
         // (Blocks beside each other may end at different places.)
         if at >= source.reached() {
-            kept.keep(&store, at, 0, voxels)?;
+            kept.keep(&store, at, 0)?;
         }
     }
     write_parts(parts, info, stored(store, options)?, from, options, &folder, job)

@@ -126,7 +126,7 @@ fn parts_of(
             let (threads, limit) = (options.thread_count(), options.memory_limit_bytes);
             make_parts(blocks.as_mut(), voxels, store, threads, limit, job)?;
             if let Some(kept) = &mut kept {
-                kept.keep(store, 0, frame + 1, 0)?;
+                kept.keep(store, 0, frame + 1)?;
             }
         }
     }

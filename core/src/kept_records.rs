@@ -33,8 +33,6 @@ struct Description {
     reached: u32,
     /// Number of frames that were read; of a volume 0.
     frames: u32,
-    /// Number of voxels that were delivered.
-    voxels: u64,
     /// Length of the records and their XXH3.
     bytes: u64,
     hash: u64,
@@ -150,11 +148,6 @@ impl KeptRecords {
         self.read.frames
     }
 
-    /// Number of voxels that were delivered.
-    pub(crate) fn voxels(&self) -> u64 {
-        self.read.voxels
-    }
-
     /// What the records are of.
     pub(crate) fn pieces(&self) -> &KeptPieces {
         &self.read.kept
@@ -169,15 +162,13 @@ impl KeptRecords {
         crate::Scratch::kept_at(&self.records, bytes)
     }
 
-    /// Keeps all that a store has, which appends to these records: of a volume up to `reached`, of a time series so many `frames`; `voxels`
-    /// were delivered.
-    pub(crate) fn keep(&mut self, store: &PartStore, reached: u32, frames: u32, voxels: u64) -> Result<()> {
+    /// Keeps all that a store has, which appends to these records: of a volume up to `reached`, of a time series so many `frames`.
+    pub(crate) fn keep(&mut self, store: &PartStore, reached: u32, frames: u32) -> Result<()> {
         let kept = store.all_in_file()?;
         let bytes = store.scratch().len();
         self.hash_to(store.scratch(), bytes)?;
         let hash = self.hash.0.digest();
-        self.read =
-            Description { reached, frames, voxels, bytes, hash, kept, chunks: self.read.chunks.clone() };
+        self.read = Description { reached, frames, bytes, hash, kept, chunks: self.read.chunks.clone() };
         let line = serde_json::to_string(&self.read)
             .map_err(|e| Error::Caller(format!("{}: {e}", self.description.display())))?;
         Ok(write_text(&self.description, &format!("{line}\n{}\n", hash_of(&line)))?)

@@ -154,6 +154,16 @@ fn what_was_read_before_an_interrupt_is_not_read_again() {
         assert_eq!((voxels, bytes_of(&paths)), (0, expected.clone()));
         assert!(!at("000000.records").exists());
     }
+    // A part of one chunk appears while the layer is half read: of the other, reading goes on where it ended.
+    std::fs::remove_file(&paths[0]).unwrap();
+    assert!(go_on(folder.path(), &lower(&paths), 350, &options(1, None)).0.is_err());
+    std::fs::write(&paths[0], &expected[0]).unwrap();
+    let (done, voxels) = go_on(folder.path(), &lower(&paths)[1..], u32::MAX, &options(1, None));
+    done.unwrap();
+    // (The block behind the layer, which is of its other chunks too, is read as well.)
+    let slices = (voxels - 2 * of_slice) / u64::from((DIMS[0] - CHUNK_VOXELS) * DIMS[1]);
+    assert!((1024 - 350..=1024 - 350 + 160).contains(&slices), "{slices} slices");
+    assert_eq!(bytes_of(&paths), expected);
     // Of fewer chunks than are wanted, nothing is of use.
     assert!(go_on(folder.path(), &lower(&paths)[..1], 350, &options(1, None)).0.is_err());
     let all = "0-1".parse().unwrap();
