@@ -24,6 +24,11 @@ fn besides() -> Vec<PartSet> {
     vec![PartSet::NONE.with(Part::HiddenLabels), PartSet::ALL]
 }
 
+/// Nothing is compiled here: all.
+fn of_today<T: Clone>(things: &[T]) -> Vec<T> {
+    things.to_vec()
+}
+
 fn renderer() -> pumice_cpu::CpuRenderer {
     pumice_cpu::CpuRenderer::new(|path| Err(format!("no picture at {}", path.display())))
 }

@@ -299,51 +299,36 @@ void main() {
     if (row >= launch.count) {
         return;
     }
-    switch (FUNCTION) {
-    case 0u:
+    // (Not a switch: of conditional branches a known one is removed before a driver sees the other functions.)
+    if (FUNCTION == 0u) {
         probe_f64(row);
-        break;
-    case 1u:
+    } else if (FUNCTION == 1u) {
         probe_sampler(row);
-        break;
-    case 2u:
+    } else if (FUNCTION == 2u) {
         probe_filter(row);
-        break;
-    case 3u:
+    } else if (FUNCTION == 3u) {
         probe_trigonometry(row);
-        break;
-    case 4u:
+    } else if (FUNCTION == 4u) {
         probe_camera(row);
-        break;
-    case 5u:
+    } else if (FUNCTION == 5u) {
         probe_frame(row);
-        break;
-    case 6u:
+    } else if (FUNCTION == 6u) {
         probe_sun(row);
-        break;
-    case 7u:
+    } else if (FUNCTION == 7u) {
         probe_environment(row);
-        break;
-    case 8u:
+    } else if (FUNCTION == 8u) {
         probe_lights(row);
-        break;
-    case 9u:
+    } else if (FUNCTION == 9u) {
         probe_bsdf(row);
-        break;
-    case 10u:
+    } else if (FUNCTION == 10u) {
         probe_box(row);
-        break;
-    case 11u:
+    } else if (FUNCTION == 11u) {
         probe_holder(row);
-        break;
-    case 12u:
+    } else if (FUNCTION == 12u) {
         probe_index_ray(row);
-        break;
-    case 20u:
+    } else if (FUNCTION == 20u) {
         probe_lamp(row);
-        break;
-    case 21u:
+    } else if (FUNCTION == 21u) {
         probe_emitters(row);
-        break;
     }
 }

@@ -5,6 +5,7 @@
 
 mod gpu;
 
+use gpu::of_today;
 use gpu::validated::Validated;
 use pumice_vulkan::device::Backend;
 

@@ -289,7 +289,6 @@ fn seen_along_the_floor(scene: &Scene, picture: Picture) -> ([usize; 3], f64) {
     (seen, least)
 }
 
-#[test]
 fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
     let sun = |angle_rad| Sun { direction: [0.3, 0.2, -1.0], strength: 1e8, color: [1.0; 3], angle_rad };
     let sky = Environment::Constant { radiance: [1e6, 0.0, 1.0] };
@@ -339,7 +338,6 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
 
 /// A camera move rebuilds camera rays, and a colour edit materials; only a change of what is drawn, or of its level of detail, rebuilds a
 /// hierarchy, and where fewer labels are drawn not even that on the CPU.
-#[test]
 fn only_what_differs_is_made_again() {
     type Edit = fn(&mut Scene);
     let base = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
@@ -448,7 +446,6 @@ fn only_what_differs_is_made_again() {
 
 /// Instances of one volume share its hierarchy where they show the same labels, and materials where these are equal. The hierarchy over all
 /// instances is rebuilt where one moves, and for nothing else. Whatever is kept, the picture is that of a new renderer.
-#[test]
 fn many_instances_share_what_is_alike() {
     type Edit = fn(&mut Scene);
     let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
@@ -515,4 +512,16 @@ fn many_instances_share_what_is_alike() {
         while anew.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
         assert_eq!(image, anew.color().unwrap(), "{name}");
     }
+}
+
+/// Scenes that need many parts of a renderer. Compiling these for a device that computes on a CPU takes a minute each, so `super::of_today`
+/// chooses.
+#[test]
+fn scenes_that_need_many_parts() {
+    let all: [fn(); 3] = [
+        no_extreme_material_puts_anything_but_numbers_on_the_film,
+        only_what_differs_is_made_again,
+        many_instances_share_what_is_alike,
+    ];
+    super::of_today(&all).into_iter().for_each(|check| check());
 }

@@ -140,6 +140,12 @@ impl Gpu {
         self.inner.dispatch("a test", pipeline, launch, groups).map(|_| ())
     }
 
+    /// Whether a large function is probed with native doubles: where the device has them, but on one day in eight and in full, because emulated
+    /// ones take a minute to compile for a CPU. (That each operation computes the same has a test of its own.)
+    pub(crate) fn native_today(&self) -> bool {
+        self.has_f64 && of_today(&[true, true, true, false, true, true, true, true]) == [true]
+    }
+
     /// Runs function `function` of `probe.comp` on rows of words, and returns rows of words.
     pub(crate) fn probe(
         &self,

@@ -48,9 +48,10 @@ impl Validated {
         Self::open_carrying(backend, carried())
     }
 
-    /// Opens a renderer for scenes with all kinds of surfaces whose film keeps render passes.
+    /// Opens a renderer for scenes with all kinds of surfaces whose film keeps render passes and mattes.
     pub(crate) fn open_sorting(backend: Backend) -> Self {
-        let parts = [Part::Sorting, Part::Coats, Part::Glass, Part::Sheen, Part::Catchers];
+        use Part::{Catchers, Coats, Emitters, Glass, Mattes, Sheen, Sorting};
+        let parts = [Sorting, Mattes, Emitters, Coats, Glass, Sheen, Catchers];
         Self::open_carrying(backend, parts.into_iter().fold(carried(), PartSet::with))
     }
 

@@ -21,7 +21,9 @@ pub(super) fn draw(
     for &(fault, nth) in faults {
         renderer.gpu().inject(fault, nth, 1);
     }
-    renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap())?;
+    let mut scene = scene_of_balls();
+    (scene.film.width, scene.film.height) = (scene.film.width / 4, scene.film.height / 4);
+    renderer.set_scene(&LoadedScene::new(scene, vec![balls()], vec![]).unwrap())?;
     while renderer.advance(Duration::ZERO, SPP, &Job::new())?.spp < SPP {}
     let picture = renderer.picture()?;
     Ok((picture.color, renderer.notices()))

@@ -127,7 +127,6 @@ fn a_cut_picture_of_cells_within_a_limit_has_the_bits_of_the_whole_volume() {
     check_within_limits(&mut Validated::open_bare(backend_of_today()), scene, &whole);
 }
 
-#[test]
 fn a_picture_within_a_limit_has_the_bits_of_the_whole_volume() {
     let whole = crumbs();
     let mut renderer = Validated::open_bare(backend_of_today());
@@ -190,7 +189,6 @@ fn levels_by_distance_have_the_bits_of_the_whole_volume() {
 
 /// Pages stay on the device over edits of anything else than what they show, and where labels are hidden that they do not have. After the
 /// device was lost they are loaded again. Every picture has the bits of the whole volume.
-#[test]
 fn pages_stay_over_edits() {
     // Labels of a single page each, and one, 50, that reaches through all.
     let (_, whole) = volume([256, 128, 128], |x, y, z| {
@@ -234,4 +232,11 @@ fn pages_stay_over_edits() {
     // (A renderer that is kept for other tests forgets its scene.)
     let counts = memory.counts();
     assert_eq!((counts.kept_bytes, counts.parts), (0, 0), "{counts:?}");
+}
+
+/// Each compiles programs of its own, for the backend of the day.
+#[test]
+fn volumes_on_disk_are_drawn_as_in_memory() {
+    let all: [fn(); 2] = [pages_stay_over_edits, a_picture_within_a_limit_has_the_bits_of_the_whole_volume];
+    of_today(&all).into_iter().for_each(|check| check());
 }

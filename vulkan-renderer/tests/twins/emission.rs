@@ -168,7 +168,7 @@ fn emitters_are_the_same() {
         .collect();
     let (mut parted, mut found, mut met) = (0, 0, 0);
     for ((from, numbers, sample, hit, _, emitter), row) in
-        inputs.iter().zip(gpu.probe(false, 21, scene, &rows, 19))
+        inputs.iter().zip(gpu.probe(gpu.native_today(), 21, scene, &rows, 19))
     {
         let [choice, a, b, c, d] = *numbers;
         let mut r = Reader(&row);

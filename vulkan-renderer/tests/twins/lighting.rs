@@ -310,7 +310,7 @@ fn chosen_lights_are_the_same() {
                 row_of(row.doubles(d.to_array()).float(pdf).float(down), &from).double(limit).0
             })
             .collect();
-        let answers = gpu.probe(false, 8, scene, &rows, 22);
+        let answers = gpu.probe(gpu.native_today(), 8, scene, &rows, 22);
         for (&(choice, u, d, pdf, down, ref from, limit), row) in inputs.iter().zip(answers) {
             let mut r = Reader(&row);
             let odds = lights.odds(from);
