@@ -5,6 +5,7 @@ use std::time::Duration;
 
 use pumice_core::Job;
 use pumice_picture::Image;
+use pumice_scene::Scene;
 use pumice_transport::{LoadedScene, RenderError, Renderer as _};
 use pumice_vulkan::device::InjectedFault;
 
@@ -12,6 +13,13 @@ use super::Validated;
 use super::edits::{balls, scene_of_balls};
 
 pub(super) const SPP: u32 = 4;
+
+/// The balls on few pixels, since they are drawn once for each call that may fail.
+pub(super) fn small_scene() -> Scene {
+    let mut scene = scene_of_balls();
+    (scene.film.width, scene.film.height) = (24, 10);
+    scene
+}
 
 /// Shows the scene and renders it with injected `faults`. Returns the picture with the notices, or the error.
 pub(super) fn draw(
@@ -21,9 +29,7 @@ pub(super) fn draw(
     for &(fault, nth) in faults {
         renderer.gpu().inject(fault, nth, 1);
     }
-    let mut scene = scene_of_balls();
-    (scene.film.width, scene.film.height) = (scene.film.width / 4, scene.film.height / 4);
-    renderer.set_scene(&LoadedScene::new(scene, vec![balls()], vec![]).unwrap())?;
+    renderer.set_scene(&LoadedScene::new(small_scene(), vec![balls()], vec![]).unwrap())?;
     while renderer.advance(Duration::ZERO, SPP, &Job::new())?.spp < SPP {}
     let picture = renderer.picture()?;
     Ok((picture.color, renderer.notices()))

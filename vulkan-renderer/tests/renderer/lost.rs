@@ -8,7 +8,7 @@ use pumice_transport::{LoadedScene, RenderError, Renderer as _};
 use pumice_vulkan::device::InjectedFault;
 
 use super::edits::{balls, scene_of_balls};
-use super::failures::{SPP, draw};
+use super::failures::{SPP, draw, small_scene};
 
 /// Samples that the host has read survive the loss of the device; others are drawn again.
 #[test]
@@ -16,7 +16,7 @@ fn samples_survive_a_lost_device() {
     let mut renderer = super::bare();
     let (expected, _) = draw(&mut renderer, &[]).unwrap();
     for is_read in [true, false] {
-        renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap()).unwrap();
+        renderer.set_scene(&LoadedScene::new(small_scene(), vec![balls()], vec![]).unwrap()).unwrap();
         while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
         if is_read {
             renderer.picture().unwrap();
@@ -26,7 +26,7 @@ fn samples_survive_a_lost_device() {
         while renderer.advance(Duration::ZERO, SPP, &job).unwrap().spp < SPP {}
         assert_eq!(renderer.color().unwrap(), expected);
         assert_eq!(renderer.notices().len(), 1);
-        let film = scene_of_balls().film;
+        let film = small_scene().film;
         let samples = job.progress().0 / u64::from(film.width * film.height);
         assert_eq!(samples, u64::from(SPP) - if is_read { 2 } else { 0 }, "samples drawn since");
     }
@@ -65,7 +65,7 @@ fn what_fails_twice_is_given_up() {
     renderer.forget_scene();
     renderer.gpu().inject(InjectedFault::Allocation, 2, 2);
     let error =
-        renderer.set_scene(&LoadedScene::new(scene_of_balls(), vec![balls()], vec![]).unwrap()).unwrap_err();
+        renderer.set_scene(&LoadedScene::new(small_scene(), vec![balls()], vec![]).unwrap()).unwrap_err();
     let RenderError::Device(text) = &error else { panic!("{error}") };
     assert!(text.starts_with("vulkan-compute on ") && text.contains("out of GPU memory"), "{text}");
     assert!(!text.contains('\n'));
