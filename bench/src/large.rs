@@ -110,8 +110,8 @@ struct Report {
     bytes_disk: u64,
     bytes_volume: u64,
     took: Took,
-    /// Of it, making the voxels.
-    making_seconds: f64,
+    /// Of `took`, making the voxels.
+    making_cpu_seconds: f64,
     peak_rss_bytes: Option<u64>,
 }
 
@@ -193,7 +193,7 @@ fn measured(input: &Path, made: Made, limit_bytes: u64, out: &Path, job: &Job) -
         bytes_disk: written.bytes_disk,
         bytes_volume: written.bytes_volume,
         took,
-        making_seconds: source.seconds(),
+        making_cpu_seconds: source.cpu_seconds(),
         peak_rss_bytes: peak_rss_bytes(),
     })
 }
@@ -205,7 +205,7 @@ impl Row for Compressed {
         let raw = 4.0 * voxels;
         let mib = |bytes: u64| format!("{:.0}", bytes as f64 / f64::from(1 << 20));
         // A terabyte of labels of 4 bytes.
-        let own = took.cpu_seconds - self.report.making_seconds;
+        let own = took.cpu_seconds - self.report.making_cpu_seconds;
         let hours = 1e12 / raw * own / 3600.0;
         vec![
             ("volume", format!("{}, {}", self.volume, dims.map(|d| d.to_string()).join(" × "))),
@@ -217,7 +217,7 @@ impl Row for Compressed {
             ("peak, MiB", self.report.peak_rss_bytes.map_or("–".into(), mib)),
             ("s", format!("{:.1}", took.seconds)),
             ("CPU s", format!("{:.1}", took.cpu_seconds)),
-            ("of it making voxels, s", format!("{:.1}", self.report.making_seconds)),
+            ("of it making voxels, CPU s", format!("{:.1}", self.report.making_cpu_seconds)),
             ("other CPU ns a voxel", format!("{:.2}", 1e9 * own / voxels)),
             ("file, bytes", self.report.bytes_disk.to_string()),
             ("file", format!("{:.3} % of 4 bytes a voxel", 100.0 * self.report.bytes_disk as f64 / raw)),
@@ -254,7 +254,7 @@ mod tests {
             bytes_disk: 1000,
             bytes_volume: 2000,
             took,
-            making_seconds: 1.0,
+            making_cpu_seconds: 1.0,
             peak_rss_bytes: Some((1 << 30) + BESIDE_THE_LIMIT),
         };
         let mut row = Compressed { volume: "v".into(), limit_bytes: 1 << 30, report };

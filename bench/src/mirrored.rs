@@ -1,8 +1,8 @@
 //! A large volume made of copies of a small one, each mirrored so that neighbours meet at equal voxels.
 
 use std::collections::VecDeque;
-use std::time::Instant;
 
+use cpu_time::ThreadTime;
 use pumice_core::{BlockSource, CompressedVolume, LabelBlock, LabelBuffer, LabelType, Result, VolumeInfo};
 
 /// Slices of voxels that are made at once: few, because they are held beside what is measured.
@@ -17,7 +17,7 @@ pub(crate) struct Mirrored<'a> {
     /// Copies along each axis, where each has labels of its own.
     own_labels: Option<[u32; 3]>,
     solid_voxels: u64,
-    seconds: f64,
+    cpu_seconds: f64,
 }
 
 impl<'a> Mirrored<'a> {
@@ -41,7 +41,7 @@ impl<'a> Mirrored<'a> {
                 }
             }
         }
-        Self { volume, info, left, own_labels: None, solid_voxels: 0, seconds: 0.0 }
+        Self { volume, info, left, own_labels: None, solid_voxels: 0, cpu_seconds: 0.0 }
     }
 
     /// Voxels of labels that were made so far.
@@ -49,9 +49,9 @@ impl<'a> Mirrored<'a> {
         self.solid_voxels
     }
 
-    /// Seconds that making them took.
-    pub(crate) fn seconds(&self) -> f64 {
-        self.seconds
+    /// CPU seconds that making them took, of the threads that asked for them.
+    pub(crate) fn cpu_seconds(&self) -> f64 {
+        self.cpu_seconds
     }
 }
 
@@ -62,7 +62,7 @@ impl BlockSource for Mirrored<'_> {
 
     fn next_block(&mut self) -> Result<Option<LabelBlock>> {
         let Some((copy, z)) = self.left.pop_front() else { return Ok(None) };
-        let clock = Instant::now();
+        let clock = ThreadTime::now();
         let side = self.volume.info().dims;
         // What of the copy is made, before it is mirrored.
         let low = [0, 0, z];
@@ -89,7 +89,7 @@ impl BlockSource for Mirrored<'_> {
             let first = number * self.volume.labels().len() as u32;
             labels.iter_mut().filter(|label| **label != 0).for_each(|label| *label += first);
         }
-        self.seconds += clock.elapsed().as_secs_f64();
+        self.cpu_seconds += clock.elapsed().as_secs_f64();
         Ok(Some(LabelBlock::x_fastest(origin, size, LabelBuffer::U32(labels))))
     }
 }
@@ -105,6 +105,8 @@ fn reverse_rows(labels: &mut [u32], row: usize) {
 
 #[cfg(test)]
 mod tests {
+    use std::sync::atomic::{AtomicBool, Ordering};
+
     use pumice_core::{CompressOptions, Job, compress, compress_labels};
 
     use super::*;
@@ -151,5 +153,29 @@ mod tests {
                 assert_eq!(id, u64::from(label(within(at))), "{large:?} {at:?}");
             }
         }
+    }
+
+    /// Where other threads hold the cores, making the voxels takes no more CPU time than the thread had; its wall time would be longer.
+    #[test]
+    fn waiting_for_a_core_is_not_counted() {
+        let dims = [64; 3];
+        let labels = LabelBuffer::U32((0..64 * 64 * 64).map(|i| i / 5 % 3).collect());
+        let volume = compress_labels(VolumeInfo::new(dims, LabelType::U32), labels).unwrap();
+        let is_done = AtomicBool::new(false);
+        std::thread::scope(|scope| {
+            for _ in 0..4 * std::thread::available_parallelism().map_or(1, Into::into) {
+                scope.spawn(|| while !is_done.load(Ordering::Relaxed) {});
+            }
+            let mut source = Mirrored::cut(&volume, [256, 256, 64]);
+            let clock = ThreadTime::now();
+            while source.next_block().unwrap().is_some() {}
+            let took = clock.elapsed().as_secs_f64();
+            is_done.store(true, Ordering::Relaxed);
+            assert!(
+                0.0 < source.cpu_seconds() && source.cpu_seconds() <= took,
+                "{} {took}",
+                source.cpu_seconds()
+            );
+        });
     }
 }
