@@ -164,7 +164,11 @@ mod tests {
         let is_done = AtomicBool::new(false);
         std::thread::scope(|scope| {
             for _ in 0..4 * std::thread::available_parallelism().map_or(1, Into::into) {
-                scope.spawn(|| while !is_done.load(Ordering::Relaxed) {});
+                scope.spawn(|| {
+                    while !is_done.load(Ordering::Relaxed) {
+                        std::hint::spin_loop()
+                    }
+                });
             }
             let mut source = Mirrored::cut(&volume, [256, 256, 64]);
             let clock = ThreadTime::now();

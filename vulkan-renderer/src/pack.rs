@@ -28,8 +28,10 @@ mod nodes;
 mod page;
 mod scene;
 
+pub(crate) use boxes::take_voxels;
 pub use boxes::{PackedBoxes, place};
 pub use bricks::PackedBricks;
+pub(crate) use bricks::level_of;
 pub use cuts::cut_planes;
 pub use emitters::PackedEmitters;
 pub use light_tree::lamp_tree;

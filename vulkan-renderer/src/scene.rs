@@ -4,7 +4,7 @@
 //! SceneHeader ─┬─ Sky       lights, environment tables                  renewed by: world, suns, lamps
 //!  (+ Instance │
 //!  records,    ├─ Nodes     nodes and leaves, as compressed             renewed by: another volume, a label that was not shown before
-//!  new with    ├─ Boxes     boxes, labels, hierarchy                    renewed by: visibility, level of detail
+//!  new with    ├─ Boxes     boxes, labels, hierarchy; bricks            renewed by: level of detail; visibility (`showing.rs`)
 //!  each edit)  ├─ Triangles corners, triangles, normals, hierarchy      renewed by: another mesh
 //!              ├─ Materials materials, and the material of each label   renewed by: colours
 //!              ├─ Emitters  emissive surfaces and their light tree      renewed by: emissive materials; place, shape and neighbours
@@ -13,6 +13,8 @@
 //!              └─ filter    table of the pixel filter                   renewed by: film
 //! ```
 //! The header and the instances' records are a few hundred bytes and are rewritten with each edit. A camera move sends nothing else.
+
+mod showing;
 
 use std::sync::Arc;
 
@@ -29,6 +31,9 @@ use crate::pack::{
     self, PackedBoxes, PackedBricks, PackedEmitters, PackedMaterials, PackedMesh, PackedNodes, PackedSky,
 };
 use crate::pages::{PagedVolume, ScenePages};
+
+pub(crate) use showing::Former;
+use showing::{Fewer, Widest};
 
 /// Why a part could not be put on the device.
 #[derive(Debug)]
@@ -92,7 +97,7 @@ impl Nodes {
 pub(crate) struct Drawn<'a> {
     /// The instance's number in the scene.
     pub(crate) place: u32,
-    pub(crate) volume: &'a CompressedVolume,
+    pub(crate) volume: &'a Arc<CompressedVolume>,
     /// Which labels are visible.
     pub(crate) visible: &'a [bool],
     pub(crate) lod: LodChoice,
@@ -108,6 +113,8 @@ pub(crate) struct Boxes {
     content: Content,
     /// The instance's record; placement, materials and their addresses are 0, and those of pages.
     record: layout::Instance,
+    /// The most boxes that were drawn of the volume, where these are fewer.
+    widest: Option<Widest>,
 }
 
 /// Where the boxes of a volume are.
@@ -115,6 +122,8 @@ pub(crate) struct Boxes {
 enum Content {
     /// All of them on the device.
     Whole(Box<WholeBoxes>),
+    /// Some of the widest.
+    Fewer(Fewer),
     /// Some on the device, in pages; `None` where nothing is drawn.
     Paged(Option<Arc<PagedVolume>>),
 }
@@ -122,6 +131,12 @@ enum Content {
 /// The boxes that are drawn of a volume.
 #[derive(Debug)]
 struct WholeBoxes {
+    /// For which instance they were made, at which levels, and whether hidden ones are among them.
+    place: u32,
+    lod: LodChoice,
+    hidden_too: bool,
+    /// The number of each box in the volume, on the host; empty where rays do not traverse bricks.
+    items: Vec<u32>,
     nodes: Arc<Nodes>,
     chunks: Buffer,
     boxes: Buffer,
@@ -144,10 +159,11 @@ impl Boxes {
             RenderError::Scene(what) => RenderError::Scene(format!("instances[{place}]: {what}")),
             other => other,
         };
-        let packed = if hidden_too {
+        let mut packed = if hidden_too {
             let mut packed =
                 PackedBoxes::new(volume, &nodes.packed, &vec![true; visible.len()], tight).map_err(limit)?;
-            packed.hide(&nodes.packed, visible).map_err(limit)?;
+            let PackedBoxes { chunks, boxes, labels, .. } = &mut packed;
+            pack::take_voxels(chunks, boxes, labels, &nodes.packed, visible).map_err(limit)?;
             packed
         } else {
             PackedBoxes::new(volume, &nodes.packed, visible, tight).map_err(limit)?
@@ -165,7 +181,7 @@ impl Boxes {
             None => hierarchy(gpu, place, &mut record, || packed.aabbs(), || packed.numbered())?,
             // Shaders traverse bricks as a grid. Only hardware ray tracing needs a hierarchy over them.
             Some(bricks) if gpu.backend().uses_hardware_hierarchy() => {
-                hierarchy(gpu, place, &mut record, || bricks.aabbs(&packed), || Ok(Vec::new()))?
+                hierarchy(gpu, place, &mut record, || bricks.aabbs(packed.around_all()), || Ok(Vec::new()))?
             }
             Some(_) => (None, None),
         };
@@ -182,8 +198,22 @@ impl Boxes {
             false => None,
         };
         record.neighbors = neighbors.as_ref().map_or(0, Buffer::address);
-        let whole = WholeBoxes { nodes, chunks, boxes, labels, bricks, bvh, acceleration, neighbors };
-        Ok(Self { content: Content::Whole(Box::new(whole)), record })
+        let items = if bricks.is_some() { std::mem::take(&mut packed.items) } else { Vec::new() };
+        let whole = WholeBoxes {
+            place,
+            lod,
+            hidden_too,
+            items,
+            nodes,
+            chunks,
+            boxes,
+            labels,
+            bricks,
+            bvh,
+            acceleration,
+            neighbors,
+        };
+        Ok(Self { content: Content::Whole(Box::new(whole)), record, widest: None })
     }
 
     /// The pages of a volume on disk, with the levels of `detail`; those that `former` draws alike are those of `former`.
@@ -203,26 +233,27 @@ impl Boxes {
         let former = former.and_then(|f| f.paged()).map(Arc::as_ref);
         let is_tight = lod == LodChoice::Voxels;
         let (paged, record) = PagedVolume::new(gpu, volume, visible, (detail, is_tight), former)?;
-        Ok(Self { content: Content::Paged(paged.map(Arc::new)), record })
+        Ok(Self { content: Content::Paged(paged.map(Arc::new)), record, widest: None })
     }
 
     /// Whether rays traverse bricks.
     pub(crate) fn has_bricks(&self) -> bool {
         match &self.content {
             Content::Whole(whole) => whole.bricks.is_some(),
+            Content::Fewer(fewer) => fewer.has_bricks(),
             Content::Paged(paged) => paged.is_some(),
         }
     }
 
     /// Whether rays traverse boxes.
     pub(crate) fn has_boxes(&self) -> bool {
-        matches!(&self.content, Content::Whole(whole) if whole.bricks.is_none())
+        !matches!(self.content, Content::Paged(_)) && !self.has_bricks()
     }
 
     /// What is drawn in pages, if anything is.
     pub(crate) fn paged(&self) -> Option<&Arc<PagedVolume>> {
         match &self.content {
-            Content::Whole(_) => None,
+            Content::Whole(_) | Content::Fewer(_) => None,
             Content::Paged(paged) => paged.as_ref(),
         }
     }
@@ -236,6 +267,7 @@ impl Boxes {
     pub(crate) fn nodes(&self) -> Option<&Arc<Nodes>> {
         match &self.content {
             Content::Whole(whole) => Some(&whole.nodes),
+            Content::Fewer(_) => self.widest.as_ref().and_then(|widest| widest.boxes().nodes()),
             Content::Paged(_) => None,
         }
     }
@@ -250,31 +282,39 @@ fn suits_bricks(gpu: &Gpu) -> bool {
 /// The drawn voxels of a volume as bricks, all labels together.
 #[derive(Debug)]
 struct BricksOnDevice {
-    buffers: Vec<Buffer>,
+    blocks: Buffer,
+    bricks: Buffer,
+    fields: Buffer,
+    parts: Buffer,
+    /// Where hardware finds bricks.
+    corners: Option<Buffer>,
+    /// Number of blocks, bricks, fields and parts.
+    counts: [usize; 4],
 }
 
 impl BricksOnDevice {
     /// Uploads the bricks and writes their addresses into the record.
     fn new(gpu: &Gpu, packed: &PackedBricks, record: &mut layout::Instance) -> Result<Self, DeviceError> {
-        let mut buffers = Vec::new();
-        let mut put = |what: &'static str, bytes: &[u8]| {
-            let buffer = gpu.buffer_of(what, bytes)?;
-            let address = buffer.address();
-            buffers.push(buffer);
-            Ok::<_, DeviceError>(address)
+        let blocks = gpu.buffer_of("the blocks of a volume", bytemuck::cast_slice(&packed.blocks))?;
+        let bricks = gpu.buffer_of("the bricks of a volume", bytemuck::cast_slice(&packed.bricks))?;
+        let fields = gpu.buffer_of("the voxels of bricks", bytemuck::cast_slice(&packed.fields))?;
+        let parts = gpu.buffer_of("the boxes of bricks", bytemuck::cast_slice(&packed.parts))?;
+        let corners = match gpu.backend().uses_hardware_hierarchy() {
+            true => Some(gpu.buffer_of("the corners of bricks", bytemuck::cast_slice(&packed.corners))?),
+            false => None,
         };
-        record.blocks = put("the blocks of a volume", bytemuck::cast_slice(&packed.blocks))?;
-        record.bricks = put("the bricks of a volume", bytemuck::cast_slice(&packed.bricks))?;
-        record.brick_fields = put("the voxels of bricks", bytemuck::cast_slice(&packed.fields))?;
-        record.brick_parts = put("the boxes of bricks", bytemuck::cast_slice(&packed.parts))?;
-        if gpu.backend().uses_hardware_hierarchy() {
-            record.brick_corners = put("the corners of bricks", bytemuck::cast_slice(&packed.corners))?;
-        }
-        Ok(Self { buffers })
+        record.blocks = blocks.address();
+        record.bricks = bricks.address();
+        record.brick_fields = fields.address();
+        record.brick_parts = parts.address();
+        record.brick_corners = corners.as_ref().map_or(0, Buffer::address);
+        let counts = [packed.blocks.len(), packed.bricks.len(), packed.fields.len(), packed.parts.len()];
+        Ok(Self { blocks, bricks, fields, parts, corners, counts })
     }
 
     fn bytes(&self) -> u64 {
-        self.buffers.iter().map(Buffer::bytes).sum()
+        let corners = self.corners.as_ref().map_or(0, Buffer::bytes);
+        self.blocks.bytes() + self.bricks.bytes() + self.fields.bytes() + self.parts.bytes() + corners
     }
 }
 
@@ -631,14 +671,24 @@ impl SceneOnDevice {
         let (mut nodes, mut leaves, mut boxes, mut labels, mut hierarchy, mut materials) = (0, 0, 0, 0, 0, 0);
         let mut bricks = 0;
         for i in &self.parts.instances {
-            let is_first = first(Arc::as_ptr(&i.boxes).cast());
-            if let (Content::Whole(whole), true) = (&i.boxes.content, is_first) {
-                boxes += whole.boxes.bytes() + whole.chunks.bytes();
-                boxes += whole.neighbors.as_ref().map_or(0, Buffer::bytes);
-                labels += whole.labels.bytes();
-                bricks += whole.bricks.as_ref().map_or(0, BricksOnDevice::bytes);
-                hierarchy += whole.acceleration.as_ref().map_or(0, Acceleration::bytes)
-                    + whole.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
+            let widest = i.boxes.widest.iter().map(Widest::boxes);
+            for of in widest.chain([&i.boxes]).filter(|of| first(Arc::as_ptr(of).cast())) {
+                match &of.content {
+                    Content::Whole(whole) => {
+                        boxes += whole.boxes.bytes() + whole.chunks.bytes();
+                        boxes += whole.neighbors.as_ref().map_or(0, Buffer::bytes);
+                        labels += whole.labels.bytes();
+                        bricks += whole.bricks.as_ref().map_or(0, BricksOnDevice::bytes);
+                        hierarchy += whole.acceleration.as_ref().map_or(0, Acceleration::bytes)
+                            + whole.bvh.iter().flatten().map(Buffer::bytes).sum::<u64>();
+                    }
+                    Content::Fewer(Fewer::Bricks(fewer, built)) => {
+                        bricks += fewer.bytes();
+                        hierarchy += built.as_ref().map_or(0, Acceleration::bytes);
+                    }
+                    Content::Fewer(Fewer::Boxes(fewer)) => boxes += fewer.bytes(),
+                    Content::Paged(_) => (),
+                }
             }
             if let Some(of) = i.boxes.nodes()
                 && first(Arc::as_ptr(of).cast())

@@ -29,8 +29,9 @@ use crate::machine::DeviceContext;
 use crate::pack::{self, ShaderNeeds};
 use crate::pages::{PagedVolume, ScenePages};
 use crate::scene::{
-    Boxes, CutsOnDevice, Drawn, EmittersOnDevice, FilterOnDevice, InstanceOnDevice, MaterialsOnDevice,
-    MeshOnDevice, Nodes, SceneOnDevice, SceneParts, SkyOnDevice, TreeOnDevice, Triangles, UploadError,
+    Boxes, CutsOnDevice, Drawn, EmittersOnDevice, FilterOnDevice, Former, InstanceOnDevice,
+    MaterialsOnDevice, MeshOnDevice, Nodes, SceneOnDevice, SceneParts, SkyOnDevice, TreeOnDevice, Triangles,
+    UploadError,
 };
 use crate::sent::Sent;
 use crate::shaders::Entry;
@@ -424,6 +425,7 @@ struct Making<'a> {
     machine: &'a DeviceContext,
     new: &'a LoadedScene,
     old: Option<&'a SceneParts>,
+    old_scene: Option<&'a LoadedScene>,
     lod: LodChoice,
     wanted: PartSet,
     counters: &'a mut Counters,
@@ -437,7 +439,8 @@ impl<'a> Making<'a> {
         counters: &'a mut Counters,
     ) -> Self {
         let (lod, wanted) = (new.lod(), new.needs().parts());
-        Self { machine, new, old: old.map(|o| &o.on_device.parts), lod, wanted, counters }
+        let (old_scene, old) = old.map(|o| (&o.scene, &o.on_device.parts)).unzip();
+        Self { machine, new, old, old_scene, lod, wanted, counters }
     }
 
     fn parts(mut self, plan: &ScenePlan, read_image: ReadImage) -> Result<SceneParts, UploadError> {
@@ -540,8 +543,6 @@ impl<'a> Making<'a> {
         let boxes = match source.find(former, |i| before.get(i)).filter(|like| like.boxes.suit(&detail)) {
             Some(like) => Arc::clone(&like.boxes),
             None => {
-                self.counters.rebuilt.acceleration += 1;
-                self.counters.sent.boxes += 1;
                 let visible = self.new.visible(place);
                 let hidden_too = self.wanted.has(Part::HiddenLabels);
                 let drawn = Drawn {
@@ -554,6 +555,8 @@ impl<'a> Making<'a> {
                 };
                 let before_edit = plan.former.and_then(former);
                 if volume.pages().is_some() {
+                    self.counters.rebuilt.acceleration += 1;
+                    self.counters.sent.boxes += 1;
                     Arc::new(Boxes::in_pages(gpu, &drawn, detail, before_edit.map(|i| i.boxes.as_ref()))?)
                 } else {
                     // The nodes of this volume may be on the device already, with all wanted labels.
@@ -561,14 +564,24 @@ impl<'a> Making<'a> {
                     let all = vec![true; visible.len()];
                     let wanted = if hidden_too { &all } else { &visible };
                     let known = here.filter(|n| n.is_of(volume)).find(|n| n.covers(wanted)).map(Arc::clone);
-                    let nodes = match known {
-                        Some(nodes) => nodes,
+                    let mut sent_nodes = 0;
+                    let nodes = || match known {
+                        Some(nodes) => Ok(nodes),
                         None => {
-                            self.counters.sent.nodes += 1;
-                            Arc::new(Nodes::new(gpu, volume, wanted)?)
+                            sent_nodes = 1;
+                            Nodes::new(gpu, volume, wanted).map(Arc::new)
                         }
                     };
-                    Arc::new(Boxes::new(gpu, &drawn, nodes)?)
+                    let was_visible = match (self.old_scene, plan.former) {
+                        (Some(scene), Some(place)) => scene.visible(place),
+                        _ => Vec::new(),
+                    };
+                    let former = before_edit.map(|i| Former { boxes: &i.boxes, visible: &was_visible });
+                    let showing = Boxes::showing(gpu, &drawn, former, nodes)?;
+                    self.counters.rebuilt.acceleration += u64::from(showing.is_built);
+                    self.counters.sent.boxes += u64::from(showing.is_sent);
+                    self.counters.sent.nodes += sent_nodes;
+                    showing.boxes
                 }
             }
         };

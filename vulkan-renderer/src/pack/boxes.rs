@@ -100,27 +100,6 @@ impl PackedBoxes {
         Ok(packed)
     }
 
-    /// Removes the voxels from boxes whose labels are not `visible`, where these are drawn by voxels or cells. Rays then meet such a box,
-    /// find nothing and go on. Measurements use it to find what leaving out the boxes saves.
-    ///
-    /// # Errors
-    /// [`RenderError::Scene`] where the nodes are too far from each other for a box record.
-    pub fn hide(&mut self, nodes: &PackedNodes, visible: &[bool]) -> Result<(), RenderError> {
-        for (i, label) in self.labels.iter().enumerate() {
-            if visible.get(*label as usize).copied().unwrap_or(false) {
-                continue;
-            }
-            let chunk = &self.chunks[self.chunks.partition_point(|c| c.first_box as usize <= i) - 1];
-            let node = u32::try_from(nodes.empty() - chunk.node_base).map_err(|_| {
-                let what = format!("chunk at {:?}: nodes are too far apart for a box record", chunk.origin);
-                RenderError::Scene(what)
-            })?;
-            let record = BoxRecord(self.boxes[i]);
-            self.boxes[i] = BoxRecord::new(record.cell(), record.extent(), node).0;
-        }
-        Ok(())
-    }
-
     /// Bounds and number of each box, as `pumice_transport::Bvh::build` takes them.
     ///
     /// # Errors
@@ -152,7 +131,7 @@ impl PackedBoxes {
     }
 
     /// Bounds of all boxes; empty bounds where there is none.
-    pub(super) fn around_all(&self) -> BoxBounds {
+    pub fn around_all(&self) -> BoxBounds {
         self.all.unwrap_or(BoxBounds { lo: [0; 3], hi: [0; 3] })
     }
 
@@ -169,6 +148,33 @@ impl PackedBoxes {
             ..Instance::default()
         }
     }
+}
+
+/// Removes the voxels from packed boxes whose `labels` are not `visible`, where these are drawn by voxels or cells. Rays then meet such a box,
+/// find nothing and go on.
+///
+/// # Errors
+/// [`RenderError::Scene`] where the nodes are too far from each other for a box record.
+pub(crate) fn take_voxels(
+    chunks: &[Chunk],
+    boxes: &mut [u64],
+    labels: &[u32],
+    nodes: &PackedNodes,
+    visible: &[bool],
+) -> Result<(), RenderError> {
+    for (chunk, next) in chunks.iter().zip(chunks.iter().skip(1).map(Some).chain([None])) {
+        let range = chunk.first_box as usize..next.map_or(boxes.len(), |n| n.first_box as usize);
+        let is_visible = |label: u32| visible.get(label as usize).copied().unwrap_or(false);
+        for i in range.filter(|&i| !is_visible(labels[i])) {
+            let node = u32::try_from(nodes.empty() - chunk.node_base).map_err(|_| {
+                let what = format!("chunk at {:?}: nodes are too far apart for a box record", chunk.origin);
+                RenderError::Scene(what)
+            })?;
+            let record = BoxRecord(boxes[i]);
+            boxes[i] = BoxRecord::new(record.cell(), record.extent(), node).0;
+        }
+    }
+    Ok(())
 }
 
 /// Bounds for hardware's hierarchies of boxes that all lie within `all`.

@@ -63,7 +63,7 @@ impl Uploaded {
             record.brick_parts = uploaded.put(gpu, &bricks.parts);
             record.brick_corners = uploaded.put(gpu, &bricks.corners);
             // (Shaders that traverse bricks as a grid search boxes for queries about one label alone, which no renderer makes.)
-            uploaded.push(gpu, record, &bricks.aabbs(&boxes).expect("bounds"), numbered);
+            uploaded.push(gpu, record, &bricks.aabbs(boxes.around_all()).expect("bounds"), numbered);
         }
         uploaded
     }

@@ -5,10 +5,12 @@ use std::time::Duration;
 
 use glam::DVec3;
 use pumice_core::{CompressedVolume, Job, LabelBuffer, LabelType, VolumeInfo, compress_labels};
+use pumice_oracle::volumes::Random;
 use pumice_scene::{Cut, CutShape, Environment, Film, Filter, Lod, Material, Projection, Scene, Show};
 use pumice_transport::{LoadedScene, Renderer as _};
 use pumice_vulkan::Sent;
 
+use super::Validated;
 use super::floor::{lambert, looking_down};
 
 /// Balls of 60 labels side by side, 480 × 48 × 48 voxels.
@@ -76,7 +78,7 @@ fn an_edit_sends_what_it_changes_and_no_more() {
             |s| s.instances[0].style.show = Show::Except(vec![7, 8]),
             Sent { materials: 1, boxes: 1, ..none },
         ),
-        ("shown again", |s| s.instances[0].style.show = Show::All, Sent { materials: 1, boxes: 1, ..none }),
+        ("shown again", |s| s.instances[0].style.show = Show::All, Sent { materials: 1, ..none }),
         (
             "a label shines",
             |s| {
@@ -123,6 +125,68 @@ fn an_edit_sends_what_it_changes_and_no_more() {
             cuts: after.cuts - before.cuts,
         };
         assert_eq!(sent, *expected, "{name}");
+    }
+}
+
+/// A row of 60 labels in a volume too long and thin for bricks, and its scene from above.
+fn row() -> (Scene, Arc<CompressedVolume>) {
+    let dims = [(1u32 << 22) + 64, 3, 2];
+    let label = |x: u32, y: u32, z: u32| {
+        if x < 480 && !(x / 3 + y + z).is_multiple_of(4) { (1 + (x / 8 + y) % 60) as u8 } else { 0 }
+    };
+    let ids = (0..dims[2])
+        .flat_map(|z| (0..dims[1]).flat_map(move |y| (0..dims[0]).map(move |x| label(x, y, z))))
+        .collect();
+    let volume = compress_labels(VolumeInfo::new(dims, LabelType::U8), LabelBuffer::U8(ids)).unwrap();
+    let mut scene = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.7));
+    scene.camera.world_from_camera.translation = DVec3::new(240.0, 1.5, 200.0);
+    scene.camera.projection = Projection::Perspective { fov_rad: 1.7 };
+    (scene, Arc::new(volume))
+}
+
+/// Random edits of what is shown draw what a renderer draws that never showed anything else. Few hierarchies are built for them, and what
+/// was shown before is shown again without sending a box.
+#[test]
+fn other_labels_are_drawn_as_if_no_others_had_been() {
+    let of_bricks = (scene_of_balls(), balls());
+    for (by, (mut scene, volume)) in [("bricks", of_bricks), ("boxes", row())] {
+        scene.film = Film::new(48, 12, Filter::Box { width: 1.0 });
+        let (mut random, mut visible) = (Random(3), vec![true; volume.labels().len()]);
+        let (mut renderer, mut fresh) = (super::renderer(), super::renderer());
+        let draw = |renderer: &mut Validated, scene: &Scene| {
+            let loaded = LoadedScene::new(scene.clone(), vec![Arc::clone(&volume)], vec![]).unwrap();
+            renderer.set_scene(&loaded).unwrap();
+            while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
+            renderer.color().unwrap()
+        };
+        let whole = draw(&mut renderer, &scene);
+        let held = renderer.bytes();
+        let has_bricks = held.iter().any(|(part, bytes)| *part == "bricks" && *bytes > 0);
+        assert_eq!(has_bricks, by == "bricks");
+        let (mut built, mut kept, mut others) = (0, 0, 0);
+        for round in 0..24 {
+            match random.below(4) {
+                0 => visible.fill(true),
+                1 => visible.iter_mut().for_each(|v| *v = random.below(3) != 0),
+                2 => visible.iter_mut().for_each(|v| *v = random.below(12) == 0),
+                _ => visible[random.below(volume.labels().len() as u32) as usize] ^= true,
+            }
+            let ids = volume.labels().ids().iter().copied();
+            scene.instances[0].style.show = Show::from_flags(ids, visible.iter().copied()).unwrap();
+            let before = (renderer.rebuilt().acceleration, renderer.sent().boxes);
+            let image = draw(&mut renderer, &scene);
+            fresh.forget_scene();
+            assert!(image == draw(&mut fresh, &scene), "{by}, round {round}: {visible:?}");
+            let after = (renderer.rebuilt().acceleration, renderer.sent().boxes);
+            built += after.0 - before.0;
+            kept += u64::from(after.1 == before.1);
+            others += u32::from(image != whole);
+        }
+        assert!(0 < built && built < 12 && 0 < kept && others > 8, "{by}: {built}, {kept}, {others}");
+        // What was made for some labels goes with them.
+        scene.instances[0].style.show = Show::All;
+        assert!(draw(&mut renderer, &scene) == whole, "{by}");
+        assert_eq!(renderer.bytes(), held, "{by}");
     }
 }
 
