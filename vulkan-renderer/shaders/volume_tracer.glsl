@@ -177,22 +177,24 @@ uint brick_part(InstanceRef instance, uint brick, uvec3 voxel, uint only) {
                 continue;
             }
         }
-        if (instance.it.lod != LEVEL_VOXELS) {
-            // (A box with all its voxels may have a cell in which it does not hold this one.)
-            if (part.label < label
-                && (instance.it.lod != LOD_BY_DISTANCE || holds(instance, box_place(instance, part.box_number), voxel))) {
-                candidate = part.box_number;
-                label = part.label;
-            }
+        // Of voxels, several boxes may hold this one, and their nodes decide: the candidate's, once another follows. At coarser levels labels
+        // overlap, and the lowest that holds the voxel is the candidate. (A box with all its voxels may have a cell in which it does not.)
+        bool coarse = instance.it.lod != LEVEL_VOXELS;
+        if (coarse ? part.label >= label : candidate == NONE) {
+            candidate = coarse ? candidate : part.box_number;
             continue;
         }
-        // Where several boxes may hold the voxel, their nodes decide.
-        if (candidate != NONE) {
-            if ((i == end && only == NONE) || holds(instance, box_place(instance, candidate), voxel)) {
-                return candidate;
-            }
+        bool holds_it = coarse ? instance.it.lod != LOD_BY_DISTANCE : i == end && only == NONE;
+        if (!holds_it) {
+            holds_it = holds(instance, box_place(instance, coarse ? part.box_number : candidate), voxel);
         }
-        candidate = part.box_number;
+        if (holds_it && !coarse) {
+            return candidate;
+        }
+        if (holds_it || !coarse) {
+            candidate = part.box_number;
+            label = part.label;
+        }
     }
     return candidate;
 }
