@@ -59,14 +59,19 @@ def handler(server):
                 tries = sum(p == path for p, _ in server.asked)
                 server.at_once += 1
                 server.most_at_once = max(server.most_at_once, server.at_once)
+            self.is_under_way = True
             try:
                 time.sleep(server.delay)
                 self.answer(path, part, server.fault(path, tries))
             finally:
-                with server.lock:
-                    server.at_once -= 1
+                self.is_over()
 
         do_HEAD = do_GET
+
+        def is_over(self):
+            with server.lock:
+                server.at_once -= self.is_under_way
+            self.is_under_way = False
 
         def answer(self, path, part, fault):
             file = os.path.join(server.folder, path)
@@ -94,6 +99,8 @@ def handler(server):
             headers = {"Content-Length": len(content), **(headers or {})}
             for name, value in headers.items():
                 self.send_header(name, str(value))
+            # Before the client has all of the answer and may ask anew.
+            self.is_over()
             self.end_headers()
             if self.command != "HEAD":
                 self.wfile.write(content)

@@ -337,7 +337,7 @@ fn no_extreme_material_puts_anything_but_numbers_on_the_film() {
 }
 
 /// A camera move rebuilds camera rays, and a colour edit materials; only a change of what is drawn, or of its level of detail, rebuilds a
-/// hierarchy, and where fewer labels are drawn not even that on the CPU.
+/// hierarchy, and where somewhat fewer labels are drawn not even that.
 fn only_what_differs_is_made_again() {
     type Edit = fn(&mut Scene);
     let base = looking_down(Environment::Constant { radiance: [1.0; 3] }, vec![], lambert(0.8));
@@ -346,8 +346,6 @@ fn only_what_differs_is_made_again() {
     let none = Rebuilt::default();
     // With levels by distance, a device has a hierarchy over boxes, which it does not need where all boxes have one level.
     let by_distance = u64::from(renderer.name() != "cpu");
-    // On the CPU, fewer labels are drawn by the hierarchy of all.
-    let of_fewer = u64::from(renderer.name() != "cpu");
     let cases: Vec<(&str, Edit, Rebuilt)> = vec![
         (
             "all",
@@ -364,11 +362,7 @@ fn only_what_differs_is_made_again() {
         ("bounces", |s| s.settings.bounces = 1, none),
         ("material", |s| s.instances[0].style.material.metallic = 0.5, Rebuilt { materials: 1, ..none }),
         ("place", |s| s.instances[0].world_from_index.translation.x += 0.25, none),
-        (
-            "show",
-            |s| s.instances[0].style.show = Show::Except(vec![5]),
-            Rebuilt { materials: 1, acceleration: of_fewer, ..none },
-        ),
+        ("show", |s| s.instances[0].style.show = Show::Except(vec![5]), Rebuilt { materials: 1, ..none }),
         ("detail", |s| s.settings.lod = Lod::Cells, Rebuilt { acceleration: 1, ..none }),
         (
             "by distance",
@@ -461,8 +455,6 @@ fn many_instances_share_what_is_alike() {
     let mut renderer = super::renderer();
     // The intersection shader of a ray tracing pipeline identifies an instance by its hierarchy, so each has its own there.
     let acceleration = if renderer.name() == "vulkan-rt" { 7 } else { 1 };
-    // On the CPU, fewer labels are drawn by the hierarchy of all.
-    let of_fewer = u64::from(renderer.name() != "cpu");
     let cases: Vec<(&str, Edit, Rebuilt)> = vec![
         ("all", |_| (), Rebuilt { camera: 1, film: 1, lights: 1, materials: 1, acceleration, top_level: 1 }),
         ("nothing", |_| (), none),
@@ -476,7 +468,7 @@ fn many_instances_share_what_is_alike() {
         (
             "what one shows",
             |s| s.instances[4].style.show = Show::Except(vec![5]),
-            Rebuilt { materials: 1, acceleration: of_fewer, top_level: 1, ..none },
+            Rebuilt { materials: 1, top_level: 1, ..none },
         ),
         ("a cut", |s| s.cuts = vec![slope(3.5)], none),
         ("one fewer", |s| drop(s.instances.pop()), Rebuilt { top_level: 1, ..none }),
