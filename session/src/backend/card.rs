@@ -10,7 +10,12 @@ pub(super) struct Card {
     pub(super) driver: String,
     /// Features that it lacks for each of [`Backend::ALL`].
     pub(super) missing: [Vec<String>; 3],
+    /// Whether it computes f64 itself.
+    pub(super) native_f64: bool,
 }
+
+/// What [`Candidate::driver`] calls Mesa's driver for AMD cards.
+const RADV: &str = ", radv ";
 
 impl Card {
     pub(super) fn of(candidate: &Candidate) -> Self {
@@ -20,6 +25,19 @@ impl Card {
             kind: candidate.kind,
             driver: printable(&candidate.driver),
             missing: Backend::ALL.map(|b| candidate.missing(b).to_vec()),
+            native_f64: candidate.native_f64,
+        }
+    }
+
+    /// All backends, in the order in which `auto` tries them on this device. What its compiler makes of the shaders decides where that is
+    /// known (docs/vulkan.md, *How auto chooses*); otherwise it is the order of [`Backend::ALL`].
+    pub(super) fn backends(&self) -> [Backend; 3] {
+        if !self.native_f64 {
+            [Backend::Compute, Backend::RayQuery, Backend::RayPipeline]
+        } else if self.driver.contains(RADV) {
+            [Backend::RayQuery, Backend::Compute, Backend::RayPipeline]
+        } else {
+            Backend::ALL
         }
     }
 

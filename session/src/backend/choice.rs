@@ -1,7 +1,7 @@
 //! Turns the name of a backend into the ways to render (backend and device), in the order in which they are tried.
 //!
 //! ```text
-//! auto                    every graphics processor × (pipeline, query, compute) that it supports, then cpu
+//! auto                    every graphics processor × the backends that it supports, in its order (`Card::backends`), then cpu
 //! cpu                     our own path tracer; Vulkan is not started
 //! vulkan-rt               the best device that supports it, drivers that compute on the CPU last
 //! vulkan-rt:1             the device with that number in `pumice devices`
@@ -64,7 +64,7 @@ pub(super) fn choose(
 pub(super) fn automatic(cards: &[Card]) -> Vec<Way> {
     let real = cards.iter().enumerate().filter(|(_, card)| card.is_graphics_processor());
     let ways = real.flat_map(|(number, card)| {
-        let able = Backend::ALL.into_iter().filter(|&b| card.can(b));
+        let able = card.backends().into_iter().filter(|&b| card.can(b));
         able.map(move |backend| Way::Vulkan { number, backend })
     });
     ways.chain([Way::Cpu]).collect()
@@ -105,7 +105,8 @@ pub(super) mod tests {
 
     pub(in crate::backend) fn card(name: &str, kind: DeviceKind, missing: [&str; 3]) -> Card {
         let list = |m: &str| if m.is_empty() { Vec::new() } else { vec![m.to_string()] };
-        Card { name: name.into(), kind, driver: "Vulkan 1.3.0, made up".into(), missing: missing.map(list) }
+        let driver = "Vulkan 1.3.0, made up".into();
+        Card { name: name.into(), kind, driver, missing: missing.map(list), native_f64: true }
     }
 
     fn two() -> Vec<Card> {
@@ -138,6 +139,24 @@ pub(super) mod tests {
         assert_eq!(ways("auto", vec![other, two().remove(2)]), Ok(vec![Way::Cpu]));
         let none = choose("auto", || Err("no Vulkan here: no loader".into()));
         assert_eq!(none.unwrap(), [Way::Cpu]);
+    }
+
+    /// Where it is known what a driver's compiler makes of the shaders, `auto` begins with the backend that fits the card best.
+    #[test]
+    fn auto_begins_with_what_the_compiler_fits_best() {
+        let order = |driver: &str, native_f64, missing| {
+            let card = card("A card", DeviceKind::Discrete, missing);
+            ways("auto", vec![Card { driver: driver.into(), native_f64, ..card }]).unwrap()
+        };
+        let [rt, query, compute] = Backend::ALL.map(|backend| vulkan(0, backend));
+        let (mesa, other) =
+            ("Vulkan 1.4.305, radv Mesa 25.0.7-2~bpo12+1", "Vulkan 1.4.312, NVIDIA 580.159.04");
+        assert_eq!(order(other, true, ["", "", ""]), [rt, query, compute, Way::Cpu]);
+        assert_eq!(order(mesa, true, ["", "", ""]), [query, compute, rt, Way::Cpu]);
+        assert_eq!(order(mesa, true, ["", "no queries", ""]), [compute, rt, Way::Cpu]);
+        for driver in [mesa, other] {
+            assert_eq!(order(driver, false, ["", "", ""]), [compute, query, rt, Way::Cpu]);
+        }
     }
 
     #[test]
