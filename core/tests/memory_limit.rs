@@ -5,6 +5,8 @@
 
 #[path = "../../tests/tests/counting_allocator/mod.rs"]
 mod counting_allocator;
+#[path = "../../tests/tests/turns/mod.rs"]
+mod turns;
 
 use std::path::Path;
 
@@ -13,6 +15,7 @@ use pumice_core::{
     BlockSource, CompressOptions, CompressedVolume, CompressionLevel, Job, LabelBlock, LabelBuffer,
     LabelType, Result, VolumeInfo, compress_to_file,
 };
+use turns::of_today;
 
 const MIB: isize = 1 << 20;
 
@@ -88,7 +91,7 @@ fn peak(path: &Path, dims: [u32; 3], label: fn([u32; 3]) -> u32, level: Compress
 fn many_labels_and_noise_keep_to_the_limit() {
     let folder = tempfile::tempdir().unwrap();
     let path = folder.path().join("a.pumice");
-    for level in [CompressionLevel::Default, CompressionLevel::Fast] {
+    for level in of_today(&[CompressionLevel::Default, CompressionLevel::Fast]) {
         let (of_many, labels) = peak(&path, [256, 256, 64], many_that_touch, level);
         assert!(labels > 140_000, "{labels}");
         let contacts = CompressedVolume::open(&path, &Job::new()).unwrap().labels().contacts().len();

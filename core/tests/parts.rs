@@ -2,10 +2,14 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
+#[path = "../../tests/tests/turns/mod.rs"]
+mod turns;
+
 use std::collections::HashMap;
 use std::path::{Path, PathBuf};
 
 use pumice_core::*;
+use turns::of_today;
 
 const LEVELS: [CompressionLevel; 3] =
     [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small];
@@ -111,10 +115,14 @@ fn parts_of_any_partition_in_any_order_are_the_whole_volume() {
     let chunks = ChunkGrid::new(DIMS).chunks();
     assert_eq!(chunks, 6);
     let (mut made, mut state) = (HashMap::<String, PathBuf>::new(), 7);
+    let turns = of_today(&[0, 1, 2, 3, 4, 5]);
     for round in 0..20 {
         // Each chunk goes to one of up to six groups; the first round has one part with all, the second six.
         let groups: Vec<usize> =
             (0..6).map(|c| if round < 2 { c * round } else { next(&mut state) % 6 }).collect();
+        if round >= 2 && !turns.contains(&(round % 6)) {
+            continue;
+        }
         let mut parts = Vec::new();
         for group in 0..6 {
             let set = ChunkSet::of((0..6u64).filter(|&c| groups[c as usize] == group)).to_string();
@@ -140,7 +148,7 @@ fn parts_of_any_partition_in_any_order_are_the_whole_volume() {
     }
     // The negative control: a part of other voxels gives another file.
     let all = merged(&[at("0-5.part")], &at("merged.pumice"), LEVELS[1]);
-    assert!(all.is_ok() && made.len() > 20, "{} parts", made.len());
+    assert!(all.is_ok() && made.len() > 8 + 2 * turns.len(), "{} parts", made.len());
     let volume = CompressedVolume::open(&at("merged.pumice"), &Job::new()).unwrap();
     let labels = volume.labels();
     assert!(labels.contacts().len() > 10);

@@ -2,9 +2,13 @@
 
 #![allow(clippy::unwrap_used, reason = "helpers of tests")]
 
+#[path = "../../tests/tests/turns/mod.rs"]
+mod turns;
+
 use std::path::Path;
 
 use pumice_core::*;
+use turns::of_today;
 
 const LEVELS: [CompressionLevel; 3] =
     [CompressionLevel::Fast, CompressionLevel::Default, CompressionLevel::Small];
@@ -102,11 +106,9 @@ fn written_files_are_those_that_are_saved() {
             // A file without boxes takes in memory what it does when it is opened.
             let opened = CompressedVolume::open(&saved, &Job::new()).unwrap();
             let bytes_volume: u64 = opened.resident_parts().iter().map(|part| part.1).sum();
-            let mut ways =
-                vec![(16, 2, None), (7, 1, Some(1 << 18)), (64, 3, Some(1 << 20)), (5, 2, Some(64 << 20))];
-            // Coding voxels takes as long as all else together.
-            ways.truncate(if level == CompressionLevel::Small { 2 } else { 4 });
-            for (thick, threads, limit) in ways {
+            let unlimited = [(16, 2, None), (5, 2, Some(64 << 20))];
+            let limited = [(7, 1, Some(1 << 18)), (64, 3, Some(1 << 20))];
+            for (thick, threads, limit) in [of_today(&unlimited), of_today(&limited)].concat() {
                 let options =
                     CompressOptions { threads, memory_limit_bytes: limit, ..CompressOptions::default() };
                 let (bytes, told) = written(&path, Slabs::new(dims, thick, id), level, &options);

@@ -632,7 +632,7 @@ BOMBS = {
 }
 
 
-@pytest.mark.parametrize("kind", some_of_today(BOMBS, 4))
+@pytest.mark.parametrize("kind", some_of_today(BOMBS, 8))
 def test_a_chunk_that_inflates_without_end_is_refused_with_little_memory(formats, good, kind):
     name, about, change, compress = BOMBS[kind]
     store = good(name)

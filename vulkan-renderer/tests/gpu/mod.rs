@@ -6,6 +6,9 @@
 
 pub(crate) mod scene;
 pub(crate) mod tiny;
+/// (The shaders of each backend take a minute or more to compile for a CPU.)
+#[path = "../../../tests/tests/turns/mod.rs"]
+mod turns;
 pub(crate) mod validated;
 
 use std::cell::RefCell;
@@ -18,6 +21,7 @@ use pumice_vulkan::layout::Launch;
 use pumice_vulkan::program::{Code, Program};
 
 pub(crate) use pumice_vulkan::device::ComputePipeline as Pipeline;
+pub(crate) use turns::of_today;
 
 /// A device of which the validation layer checks every call.
 pub(crate) struct Gpu {
@@ -206,17 +210,6 @@ pub(crate) fn backends() -> Vec<Backend> {
 /// Those of [`backends`] that trace rays by hardware.
 pub(crate) fn hardware_backends() -> Vec<Backend> {
     backends().into_iter().filter(|b| b.uses_hardware_hierarchy()).collect()
-}
-
-/// Chooses one of several equivalent things. `PUMICE_TEST_SHARE` (`K/N`) selects it and changes daily; `full` selects all, and without the
-/// variable it is the first. The shaders of each backend take a minute or more to compile for a CPU.
-pub(crate) fn of_today<T: Clone>(things: &[T]) -> Vec<T> {
-    let share = std::env::var("PUMICE_TEST_SHARE").unwrap_or_default();
-    if share == "full" {
-        return things.to_vec();
-    }
-    let turn: usize = share.split('/').next().and_then(|k| k.parse().ok()).unwrap_or(0);
-    vec![things[turn % things.len()].clone()]
 }
 
 /// A resource that several tests use, one after the other, because compiling for a device that computes on the CPU takes longer than most
