@@ -113,7 +113,7 @@ pub(crate) struct Boxes {
     content: Content,
     /// The instance's record; placement, materials and their addresses are 0, and those of pages.
     record: layout::Instance,
-    /// The most boxes that were drawn of the volume, where these are fewer.
+    /// The widest choice of labels (see `showing.rs`), where these boxes are of a subset of it.
     widest: Option<Widest>,
 }
 
@@ -122,7 +122,7 @@ pub(crate) struct Boxes {
 enum Content {
     /// All of them on the device.
     Whole(Box<WholeBoxes>),
-    /// Some of the widest.
+    /// A subset of what was made for the widest choice of labels.
     Fewer(Fewer),
     /// Some on the device, in pages; `None` where nothing is drawn.
     Paged(Option<Arc<PagedVolume>>),

@@ -1,14 +1,16 @@
-//! Another choice of labels of a volume that is on the device. What was made for many labels serves for fewer of them:
+//! Another choice of labels of a volume that is on the device. The *widest* choice is the largest set of labels that was shown: what was made
+//! for it serves for its subsets.
 //!
 //! ```text
-//! shown before   shown now            rays traverse bricks                              rays traverse boxes
-//! the widest     the same labels      the widest                                        the widest
-//! the widest     most of them         copied, but where a hidden box reaches into       the same hierarchy; hidden boxes have no voxels
-//! the widest     few of them          made of the few; the widest stay on the device    the same
-//! any            others               made of these, the widest from now on             the same
+//! labels shown now               rays traverse bricks                              rays traverse boxes
+//! those of the widest choice     what was made for it                              the same
+//! at least a quarter of its      its bricks, copied where no hidden box reaches    its hierarchy; hidden boxes have no voxels
+//! boxes                          into them
+//! fewer                          made of these labels; the widest stays            the same
+//! others                         made of these labels, the widest choice now on    the same
 //! ```
-//! Bricks and boxes are copied from the device, so the host keeps no second form of them. Every way draws the same picture, bit by bit. The
-//! CPU's way is in cpu-renderer/src/traverse/volume_tracer/showing.rs.
+//! Bricks and boxes are read back from the device; the host keeps only the number of each box in the volume. Every way draws the same picture,
+//! bit by bit. The CPU's way is in cpu-renderer/src/traverse/volume_tracer/showing.rs.
 
 use std::sync::Arc;
 
@@ -22,7 +24,7 @@ use crate::device::{Acceleration, Backend, Buffer, Gpu};
 use crate::layout::{self, Chunk};
 use crate::pack::{PackedBricks, level_of, take_voxels};
 
-/// Hidden boxes stay among the others while at least one of so many boxes is shown; below that these alone are packed.
+/// What was made for the widest choice serves while at least one of so many of its boxes is shown; below that the shown boxes alone are packed.
 const BOXES_A_SHOWN_ONE: u64 = 4;
 
 /// What was drawn of a volume before an edit.
@@ -43,16 +45,16 @@ pub(crate) struct Showing {
     pub(crate) is_sent: bool,
 }
 
-/// The most boxes that were drawn of a volume.
+/// The widest choice of labels so far, and what was made for it.
 #[derive(Clone, Debug)]
 pub(super) struct Widest {
-    /// Which labels they have.
+    /// Whether each label, by dense index, is in the choice.
     visible: Vec<bool>,
-    /// Their content is [`Content::Whole`].
+    /// Made from the volume: the content is [`Content::Whole`].
     boxes: Arc<Boxes>,
 }
 
-/// Some of the widest boxes.
+/// What is on the device for a subset of the widest choice, beside what was made for that.
 #[derive(Debug)]
 pub(super) enum Fewer {
     /// Bricks without hidden boxes, and hardware's hierarchy over them where it finds bricks.
@@ -72,7 +74,7 @@ impl Widest {
         &self.boxes
     }
 
-    /// The most boxes up to now, if what is drawn now is among them and is drawn in the same way.
+    /// The widest choice before an edit, if the labels shown now are a subset of it and are drawn in the same way.
     fn of(former: Former<'_>, gpu: &Gpu, what: &Drawn<'_>) -> Option<Self> {
         let widest = match &former.boxes.widest {
             Some(widest) => widest.clone(),
@@ -123,7 +125,8 @@ impl Boxes {
         }
     }
 
-    /// Most of the widest boxes; `None` where rays traverse boxes that are drawn whole, whose voxels do not matter.
+    /// A subset of the widest choice, made from what the device holds; `None` where rays traverse boxes that are drawn whole, whose voxels do
+    /// not matter.
     fn fewer(gpu: &Gpu, what: &Drawn<'_>, widest: Widest) -> Result<Option<Self>, UploadError> {
         let Content::Whole(whole) = &widest.boxes.content else { return Ok(None) };
         let mut record = widest.boxes.record;
