@@ -70,6 +70,7 @@ def test_chunks_of_a_moved_folder_are_one_animation(shot, expected, tmp_path):
     assert not same(tmp_path / "farm_0002.exr", expected[1])
 
 
+@pytest.mark.turn(0, 2)
 def test_a_node_that_cannot_fails_with_a_line(shot, tmp_path):
     out = ["-o", tmp_path / "none_####"]
     # What needs the whole volume in memory is drawn without a limit, and refused with one: the recipe's limit has reached the renderer.
@@ -90,6 +91,7 @@ def test_a_node_that_cannot_fails_with_a_line(shot, tmp_path):
     assert not list(tmp_path.glob("none_*"))
 
 
+@pytest.mark.turn(1, 2)
 def test_the_tasks_of_flamenco_draw_the_animation(shot, expected, tmp_path):
     """The commands are those of `tests/python/test_flamenco.py`; Flamenco puts its own arguments and the file before them."""
     (tmp_path / "out").mkdir()

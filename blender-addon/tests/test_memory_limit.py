@@ -158,6 +158,7 @@ def test_an_import_within_a_limit_makes_the_same_object(limit, extension, bodies
     assert np.array_equal(pumice.open(obj.pumice.filepath).decode(), array)
 
 
+@pytest.mark.turn(0, 2)
 def test_the_viewport_obeys_the_limit_and_follows_edits(limit, extension, bodies, enough, monkeypatch):
     limit(enough)
     scene, obj = staged(bodies)
@@ -309,6 +310,7 @@ def test_a_time_series_within_a_limit_has_the_same_pixels(limit, extension, enou
     assert not np.array_equal(fewer[0], whole[0])
 
 
+@pytest.mark.turn(1, 2)
 def test_reload_within_a_limit_shows_what_the_file_has_now(limit, extension, bodies, enough, tmp_path):
     path = tmp_path / "bodies.pumice"
     shutil.copyfile(bodies, path)

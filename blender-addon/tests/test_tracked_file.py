@@ -13,6 +13,7 @@ import pytest
 from blender_asset_tracer import blendfile, pack, trace
 
 import farm_node
+from share import one_of_today
 from test_file_paths import save, volume
 from test_object_is_blenders import SIZE, label_pass, made
 from test_real_volumes import exr
@@ -190,7 +191,7 @@ def test_find_missing_files_finds_the_volume(project, files):
     assert traced(save(blend)) == {(str(moved), "//elsewhere/cells.pumice")} and files.find(obj) == (str(moved), None)
 
 
-@pytest.mark.parametrize("linked", [False, True])
+@pytest.mark.parametrize("linked", one_of_today([False, True]))
 def test_a_packed_folder_is_rendered_where_the_original_is_gone(project, extension, tmp_path, linked):
     """The volume lies outside of the project that is packed, so the packer writes a new path, into the data-block alone."""
     scene = bpy.context.scene

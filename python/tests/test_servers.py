@@ -1,19 +1,11 @@
 """Stores on a server, on loopback, are what they are in a folder."""
 
-import functools
-import http.server
-import threading
-
 import numpy as np
 import pumice
 import pumice.dask
 import pytest
 import zarr
-
-
-class Quiet(http.server.SimpleHTTPRequestHandler):
-    def log_message(self, *args):
-        pass
+from store_server import serving
 
 
 @pytest.fixture
@@ -22,13 +14,8 @@ def url(tmp_path):
     served = tmp_path / "served"
     labels = (np.arange(30 * 20 * 25, dtype="u8") // 500 << 40).reshape(30, 20, 25)
     zarr.create_array(served / "a.zarr", data=labels, chunks=(10, 10, 13), dimension_names=["z", "y", "x"])
-    handler = functools.partial(Quiet, directory=served)
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler) as server:
-        thread = threading.Thread(target=server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
-        thread.start()
-        yield f"http://127.0.0.1:{server.server_port}/a.zarr"
-        server.shutdown()
-        thread.join()
+    with serving(served) as server:
+        yield f"{server.url}/a.zarr"
 
 
 def test_a_store_on_a_server_is_the_store(url, tmp_path):

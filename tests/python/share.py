@@ -1,11 +1,12 @@
-"""Selects long tests, which are marked `full`: pytest hooks, which a conftest.py imports, deselect those that do not run today. Also
-selects one of several similar things for the day."""
+"""Selects long tests, which are marked `full`, and tests that take turns, which are marked `turn`: pytest hooks, which a conftest.py
+imports, deselect those that do not run today. Also selects one of several similar things for the day."""
 
 import os
 
 
 def pytest_configure(config):
     config.addinivalue_line("markers", "full: takes long; runs with --full, and when its share has its turn")
+    config.addinivalue_line("markers", "turn(day, days): runs with --full, and once in so many days, of which this is the day, from 0 on")
 
 
 def share_of(name, shares):
@@ -17,14 +18,19 @@ def share_of(name, shares):
 
 
 def pytest_collection_modifyitems(config, items):
-    """Keeps the long tests that PUMICE_TEST_SHARE selects: `full` for all, `K/N` for share K of N; if it is unset, none."""
+    """Keeps the tests that PUMICE_TEST_SHARE selects. `full` is all. `K/N` is share K of N of the long ones, and K is the day of those that
+    take turns; if it is unset, no long ones, and the day is 0."""
     which = os.environ.get("PUMICE_TEST_SHARE", "")
     if which == "full":
         return
     k, _, shares = which.partition("/")
-    turn = [
-        not item.get_closest_marker("full") or (shares and share_of(item.nodeid, int(shares)) == int(k)) for item in items
-    ]
+
+    def runs(item):
+        if item.get_closest_marker("full"):
+            return shares and share_of(item.nodeid, int(shares)) == int(k)
+        return all(int(k or 0) % mark.args[1] == mark.args[0] for mark in item.iter_markers("turn"))
+
+    turn = [runs(item) for item in items]
     config.hook.pytest_deselected(items=[i for i, t in zip(items, turn) if not t])
     items[:] = [i for i, t in zip(items, turn) if t]
 

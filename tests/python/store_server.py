@@ -108,11 +108,16 @@ def handler(server):
     return Handler
 
 
+class HttpServer(http.server.ThreadingHTTPServer):
+    # Sixteen clients may connect at once. Where the queue is full, the system drops a connection and tries it again a second later.
+    request_queue_size = 64
+
+
 @contextlib.contextmanager
 def serving(folder):
     """Serves a folder until the end of the block."""
     server = Server(folder)
-    with http.server.ThreadingHTTPServer(("127.0.0.1", 0), handler(server)) as http_server:
+    with HttpServer(("127.0.0.1", 0), handler(server)) as http_server:
         server.url = f"http://127.0.0.1:{http_server.server_port}"
         thread = threading.Thread(target=http_server.serve_forever, kwargs={"poll_interval": 0.01}, daemon=True)
         thread.start()

@@ -70,11 +70,11 @@ pub fn reach_of(marks: &[Mark]) -> [f64; 2] {
 
 /// The longest beginning of a name that fits, with `…` if it is not all of it; `None` if not even one character does.
 fn fitting(name: &str, size: f64, room: f64) -> Result<Option<String>, String> {
-    if text::width_of(name, size)? <= room {
+    // A thousand characters are wider than any picture's 65,536 pixels at a readable size; a name may be megabytes, whose glyphs take seconds.
+    let ends: Vec<usize> = name.char_indices().map(|(at, _)| at).skip(1).take(1000).collect();
+    if ends.len() < 1000 && text::width_of(name, size)? <= room {
         return Ok(Some(name.to_owned()));
     }
-    // A thousand characters are wider than any picture's 65,536 pixels at a readable size; a name may be megabytes.
-    let ends: Vec<usize> = name.char_indices().map(|(at, _)| at).skip(1).take(1000).collect();
     let cut = |end: usize| format!("{}…", name[..end].trim_end());
     let (mut low, mut high) = (0, ends.len());
     // The width rises with the length, to a kerning pair.
