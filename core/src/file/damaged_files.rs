@@ -1,5 +1,8 @@
 //! Tests of damaged files: reading one never panics, and gives either an error or exactly the same volume.
 
+#[path = "../../../tests/tests/turns/mod.rs"]
+mod turns;
+
 use std::collections::HashMap;
 use std::io::Cursor;
 use std::sync::Arc;
@@ -14,6 +17,7 @@ use crate::{
     BoxRecord, CompressedVolume, Job, LabelBuffer, LabelNote, LabelTable, LabelType, NumericColumn,
     Residency, VolumeInfo, compress_labels,
 };
+use turns::of_today;
 
 /// Pseudorandom numbers that are the same on every machine (SplitMix64).
 struct Random(u64);
@@ -209,9 +213,9 @@ fn damage_is_found_by_the_checksums() {
 #[test]
 fn damage_behind_right_checksums_never_panics() {
     let volume = sample();
-    for (level, rounds) in
-        [(CompressionLevel::Fast, 1500), (CompressionLevel::Default, 1500), (CompressionLevel::Small, 600)]
-    {
+    let levels =
+        [(CompressionLevel::Fast, 1500), (CompressionLevel::Default, 1500), (CompressionLevel::Small, 250)];
+    for (level, rounds) in of_today(&levels) {
         let bytes = file_bytes(&volume, level);
         let mut random = Random(2);
         let (mut passed, mut chosen_passed, mut pages_passed) = (0, 0, 0);
@@ -463,9 +467,9 @@ fn open_frames(
 /// Damage behind right checksums in a time series never panics; a frame is refused or the same.
 #[test]
 fn damaged_series_never_panic() {
-    for (level, rounds) in
-        [(CompressionLevel::Fast, 120), (CompressionLevel::Default, 120), (CompressionLevel::Small, 60)]
-    {
+    let levels =
+        [(CompressionLevel::Fast, 120), (CompressionLevel::Default, 120), (CompressionLevel::Small, 30)];
+    for (level, rounds) in of_today(&levels) {
         let bytes = series_bytes(level);
         let mut good: Vec<u128> = Vec::new();
         open_frames(&bytes, true, |_, frame| good.push(frame.unwrap().content_hash())).unwrap();
