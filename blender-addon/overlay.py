@@ -41,7 +41,9 @@ def line(status, frame, notes):
 
 
 def drawn_by(status):
-    """Backend and device; for the processor only the backend."""
+    """Backend and device; for the processor only the backend, and for which other it stands in."""
+    if status.compiling:
+        return f"{status.backend} until {status.compiling} is compiled"
     if status.backend == "cpu":
         return "cpu"
     return f"{status.backend} on {devices.short(status.device)}"

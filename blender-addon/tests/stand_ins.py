@@ -163,7 +163,7 @@ class Module:
             self.denoise = denoise
             self.meshes = list(meshes)
             self.edits, self.frame = [], None
-            self.status = types.SimpleNamespace(state="rendering", error=None, backend="cpu", device="Processor", notices=[], revision=1)
+            self.status = types.SimpleNamespace(state="rendering", error=None, backend="cpu", device="Processor", compiling=None, notices=[], revision=1)
             type(self).made.append(self)
 
         def edit(self, *edits):

@@ -42,11 +42,13 @@ def test_a_choice_that_is_gone_stays_visible(extension):
 def test_the_line_names_backend_and_device_and_what_was_overcome(extension):
     overlay = load(extension, "overlay")
     frame = types.SimpleNamespace(spp=3, error_estimate=0.021, seconds=3.4, filtered=False)
-    fields = dict(state="rendering", error=None, revision=1, notices=[])
+    fields = dict(state="rendering", error=None, revision=1, compiling=None, notices=[])
     gpu = types.SimpleNamespace(backend="vulkan-rt", device="Radeon (RADV NAVI31)", **fields)
     assert overlay.line(gpu, frame, []) == "vulkan-rt on Radeon · 3 samples · error 2.1 % · 3.4 s"
     cpu = types.SimpleNamespace(backend="cpu", device="Xeon on 8 threads", **fields)
     assert overlay.line(cpu, frame, []) == "cpu · 3 samples · error 2.1 % · 3.4 s"
+    cpu.compiling = "vulkan-rt"
+    assert overlay.line(cpu, frame, []).startswith("cpu until vulkan-rt is compiled · 3 samples · ")
     cpu.notices = ["older", "vulkan-rt on Radeon: out of GPU memory; going on with cpu"]
     assert overlay.line(cpu, frame, ["a note"]).endswith("3.4 s · a note · " + cpu.notices[1])
 

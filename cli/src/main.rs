@@ -10,9 +10,10 @@ mod progress;
 
 use std::process::ExitCode;
 use std::sync::Arc;
+use std::time::Duration;
 
 use clap::Parser;
-use pumice_session::{Job, with_threads};
+use pumice_session::{Job, finish_compiling, with_threads};
 
 use crate::args::{Cli, Command};
 use crate::failure::{Failure, check_warnings, warn};
@@ -59,7 +60,10 @@ fn main() -> ExitCode {
         Command::Devices(a) => commands::devices::run(&a),
         Command::Bench(a) => commands::bench::run(&a, &job),
     };
-    match with_threads(run).unwrap_or_else(|e| Err(e.into())) {
+    let outcome = with_threads(run).unwrap_or_else(|e| Err(e.into()));
+    // After Ctrl-C a driver may still compile.
+    finish_compiling(Duration::ZERO);
+    match outcome {
         Ok(Answer::Yes) | Err(Failure::StdoutClosed) => match check_warnings() {
             Ok(()) => ExitCode::SUCCESS,
             Err(lost) => bad(&lost),

@@ -438,9 +438,9 @@ class Session:
         """
         Sets which labels of an instance are drawn, and the groups of its labels; returns the new revision.
         """
-    def status(self, /) -> tuple[str, str | None, int, str, str, list[str], dict[str, int], str | None]:
+    def status(self, /) -> tuple[str, str | None, int, str, str, str | None, list[str], dict[str, int], str | None]:
         """
-        (state, error, revision, backend, device, notices, counters, pages as JSON text).
+        (state, error, revision, backend, device, backend that compiles, notices, counters, pages as JSON text).
         """
     def stop(self, /) -> None:
         """

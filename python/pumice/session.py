@@ -24,7 +24,7 @@ from .volume import Job, Volume
 class Status:
     """Status of a session: `state` is rendering, converged, failed or stopped; `backend` draws on `device`; `notices` has the device
     failures after which rendering continued, the latest last; `pages` is what was in memory of volumes that are drawn from disk, None where all
-    is in memory."""
+    is in memory; `compiling` is the backend whose programs are being compiled, while the processor draws."""
 
     state: str
     error: str | None
@@ -34,6 +34,7 @@ class Status:
     notices: list[str]
     counters: dict[str, int]
     pages: PageFigures | None = None
+    compiling: str | None = None
 
 
 @dataclasses.dataclass(frozen=True)
@@ -145,9 +146,9 @@ class Session:
     @property
     def status(self) -> Status:
         """The current status."""
-        state, error, revision, backend, device, notices, counters, pages = self._native.status()
+        state, error, revision, backend, device, compiling, notices, counters, pages = self._native.status()
         told = None if pages is None else figures_of(pages)
-        return Status(state, error, revision, backend, device, notices, counters, told)
+        return Status(state, error, revision, backend, device, notices, counters, told, compiling)
 
     @property
     def scene(self) -> Scene:

@@ -80,5 +80,7 @@ pub(crate) fn end_calls(py: Python<'_>) {
             let Some(left) = end.checked_duration_since(Instant::now()) else { return };
             calls = RETURNED.wait_timeout(calls, left).unwrap_or_else(PoisonError::into_inner).0;
         }
+        // A driver's compiler works on after its renderer is gone, and must not be there when the driver ends.
+        let _ = pumice_session::finish_compiling(end.saturating_duration_since(Instant::now()));
     });
 }

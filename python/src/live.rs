@@ -128,7 +128,7 @@ impl Session {
         Ok(Some((film.revision, pixels, Array::new(Data::Depth(film), &[height, width]))))
     }
 
-    /// (state, error, revision, backend, device, notices, counters, pages as JSON text).
+    /// (state, error, revision, backend, device, backend that compiles, notices, counters, pages as JSON text).
     #[allow(clippy::type_complexity, reason = "a tuple for the façade, which names its parts")]
     fn status(
         &self,
@@ -138,13 +138,15 @@ impl Session {
         u64,
         &'static str,
         String,
+        Option<&'static str>,
         Vec<String>,
         std::collections::BTreeMap<String, u64>,
         Option<String>,
     )> {
         let s = self.live()?.status();
         let pages = s.pages.map(|pages| serde_json::to_string(&pages)).transpose().map_err(|e| input(&e))?;
-        Ok((s.state.name(), s.error, s.revision, s.backend, s.device, s.notices, s.counters, pages))
+        let state = s.state.name();
+        Ok((state, s.error, s.revision, s.backend, s.device, s.compiling, s.notices, s.counters, pages))
     }
 
     /// The scene as it is now.

@@ -1,6 +1,10 @@
 """Tests live pictures: frames, edits, picks, their cost, and errors."""
 
 import gc
+import json
+import os
+import subprocess
+import sys
 import time
 from pathlib import Path
 
@@ -208,3 +212,39 @@ def test_sessions_end_with_their_last_name(scene, volume):
     del sessions
     gc.collect()
     assert threads() == before
+
+
+# A live picture by the software driver, edited while that compiles: what the status said, and the last frame beside the rendered picture.
+COMPILED = """
+import json, sys, time
+import numpy as np, pumice
+
+scene, said = pumice.Scene.load(sys.argv[1]), []
+with pumice.Session(scene, backend="vulkan-compute", spp=4) as session:
+    while (status := session.status).state == "rendering":
+        now = [status.backend, status.compiling, session.latest(0) is not None]
+        if now not in said:
+            said.append(now)
+        if now[1:] == ["vulkan-compute", True] and status.revision == 1:
+            session.edit({"edit": "settings", "settings": {**scene.to_dict()["settings"], "seed": 3}})
+        time.sleep(0.002)
+    frame, status = session.latest(0), session.status
+    said.append([status.backend, status.compiling, frame.revision])
+    picture = pumice.render(session.scene, spp=4, backend="vulkan-compute")
+    other = pumice.render(scene, spp=4)
+colors = np.asarray(frame)[::-1, :, :3]
+print(json.dumps([said, status.error, [np.array_equal(colors, one.color) for one in (picture, other)]]))
+"""
+
+
+def test_the_processor_draws_while_a_device_compiles(volume, tmp_path):
+    """The last frame has the bits of the device, of the scene as it was edited meanwhile."""
+    volume.save(tmp_path / "a.pumice")
+    pumice.figure(pumice.open(tmp_path / "a.pumice"), size=(60, 40)).save(tmp_path / "scene.json")
+    nothing_kept = {"PUMICE_CACHE": str(tmp_path / "cache"), "MESA_SHADER_CACHE_DISABLE": "true"}
+    command = [sys.executable, "-c", COMPILED, str(tmp_path / "scene.json")]
+    done = subprocess.run(command, env={**os.environ, **nothing_kept}, capture_output=True, text=True, timeout=300)
+    assert done.returncode == 0, done.stderr
+    said, error, same = json.loads(done.stdout.splitlines()[-1])
+    assert ["cpu", "vulkan-compute", True] in said and error is None, said
+    assert said[-1] == ["vulkan-compute", None, 2] and same == [True, False], (said, same)

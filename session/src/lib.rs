@@ -76,6 +76,7 @@ pub use pumice_picture::annotate::{Annotations, Corner, DEFAULT_DPI, ScaleBar, p
 pub use pumice_scene::{Lod, Mode, ViewTransform};
 pub use pumice_transport::LoadedScene;
 pub use pumice_transport::geometry::DetailLevel;
+pub use pumice_vulkan::finish_compiling;
 pub use render_file::{
     NumberedPicture, PageFigures, PicturePaths, RenderFigures, RenderOverrides, RenderRequest, Rendered,
     Subject, render_file, render_time_steps, render_turntable,

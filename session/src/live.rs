@@ -4,6 +4,9 @@
 //!   client:   edit ──► scene, revision + 1 ──► wakes the worker          latest ◄── newest frame (immutable, shared)
 //!   worker:   take the scene → coarse frames, finer each time → all samples, a frame now and then → converged: sleep
 //! ```
+//! While a device compiles what the scene needs, the processor draws the same; then the device draws it from the first sample on, and is
+//! shown when it has come as far.
+//!
 //! An edit cancels the samples under way, so that the first coarse frame of the new scene comes within the time of a few rows.
 //! Coarse frames have fewer pixels than the film and are never mixed into it. Only [`Live::pick`] and [`Live::stop`] wait, and only
 //! until the worker ends its current slice. A panic in the worker ends the worker and is reported by [`Live::status`]; it does not
@@ -116,6 +119,8 @@ pub struct Status {
     pub backend: &'static str,
     /// Name of the device in use.
     pub device: String,
+    /// Name of the backend whose programs are being compiled; until they are, the processor draws.
+    pub compiling: Option<&'static str>,
     /// Device failures after which rendering continued, one line each, the latest last; at most [`MOST_NOTICES`].
     pub notices: Vec<String>,
     /// Counters: `edits.KIND` received, `rebuilt.KIND` built by the renderer, `frames` published.
@@ -160,6 +165,7 @@ struct Board {
     panicking: bool,
     backend: &'static str,
     device: String,
+    compiling: Option<&'static str>,
     notices: Vec<String>,
     counters: BTreeMap<String, u64>,
 }
@@ -212,6 +218,7 @@ impl Live {
                 panicking: false,
                 backend: renderer.name(),
                 device: renderer.device().to_owned(),
+                compiling: None,
                 notices: Vec::new(),
                 counters: names.map(|name| (format!("edits.{name}"), 0)).collect(),
             }),
@@ -322,6 +329,7 @@ impl Live {
             revision: board.revision,
             backend: board.backend,
             device: board.device.clone(),
+            compiling: board.compiling,
             notices: board.notices.clone(),
             counters: board.counters.clone(),
             pages: PageFigures::of(board.scene.volumes()),

@@ -11,7 +11,7 @@ use pumice_core::{CompressedVolume, LabelBuffer, LabelType, MeshData, VolumeInfo
 use pumice_scene::{Camera, Cut, CutShape, Material, Mesh, Projection, Scene, Show};
 use pumice_session::Stop;
 use pumice_session::figure::{FigureOptions, compose};
-use pumice_session::live::{LabelFilm, Live, LiveOptions};
+use pumice_session::live::{LabelFilm, Live, LiveOptions, LiveState};
 use pumice_transport::LoadedScene;
 
 const DIMS: [u32; 3] = [24, 16, 8];
@@ -83,8 +83,12 @@ fn film(scene: &Scene, backend: &str) -> Arc<LabelFilm> {
         Live::start(LoadedScene::new(scene.clone(), vec![volume()], vec![mesh]).unwrap(), options).unwrap();
     let start = Instant::now();
     loop {
-        if let Some(film) = live.label_film() {
-            assert_eq!(live.status().backend, backend);
+        // (While a device compiles, the processor draws.)
+        let status = live.status();
+        if status.state == LiveState::Converged
+            && let Some(film) = live.label_film()
+        {
+            assert_eq!(status.backend, backend);
             return film;
         }
         assert!(start.elapsed() < Duration::from_secs(120), "no label film: {:?}", live.status());

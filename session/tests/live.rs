@@ -113,7 +113,11 @@ fn frames_are_filtered_on_a_vulkan_device() {
     let scene = scene([96, 64]);
     let options = LiveOptions { backend: "vulkan-compute".into(), denoise: true, ..spp(4096) };
     let live = Live::start(loaded(scene.clone()), options).unwrap();
-    let frame = wait(&live, |f| !f.coarse && f.spp >= 4);
+    // The processor draws, until the device has compiled and shows what it drew itself.
+    wait(&live, |_| true);
+    wait_status(&live, |status| status.backend == "vulkan-compute" && status.compiling.is_none());
+    let first = live.latest(0).unwrap().serial;
+    let frame = wait(&live, |f| f.serial > first && !f.coarse && f.spp >= 4);
     let status = live.status();
     live.stop();
     assert!(frame.filtered && status.backend == "vulkan-compute" && status.notices.is_empty(), "{status:?}");

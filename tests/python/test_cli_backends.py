@@ -174,6 +174,23 @@ def test_every_call_is_checked(pumice):
         assert ("VUID-VkInstanceCreateInfo-sType" in done.stdout) == (code != 0), done
 
 
+def test_an_interrupt_does_not_wait_for_a_compiler(pumice, volume, tmp_path):
+    """Nor does it count against the backend that its driver was still compiling."""
+    seen = []
+
+    def interrupt(process):
+        while not seen:
+            assert process.poll() is None, "a driver compiles before there is a picture"
+            seen.extend(tmp_path.rglob("*.unfinished"))
+        process.send_signal(signal.SIGINT)
+
+    command = ["render", volume, "--size", "64x48", "--spp", "1", "--backend", "vulkan-compute", "-o", tmp_path / "no.exr"]
+    env = {"PUMICE_CACHE": str(tmp_path / "cache"), "MESA_SHADER_CACHE_DISABLE": "true"}
+    run(pumice, *command, env=env, meanwhile=interrupt).cancelled()
+    # What a driver has compiled is kept, so it has not.
+    assert not list(tmp_path.rglob("*.pipelines")) and not list(tmp_path.rglob("*.unfinished"))
+
+
 def test_a_cache_that_cannot_be_written_is_no_error(pumice, volume, tmp_path):
     (tmp_path / "file").write_text("no folder")
     for folder in ["", str(tmp_path / "file" / "cache")]:

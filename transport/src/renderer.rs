@@ -98,6 +98,15 @@ pub trait Renderer: Send {
     /// [`RenderError::Scene`] names the field at fault, [`RenderError::Memory`] what is too large; the renderer keeps its previous scene.
     fn set_scene(&mut self, scene: &LoadedScene) -> Result<(), RenderError>;
 
+    /// Begins what samples need beside the scene that was set, such as compiling programs, without waiting for it. Returns whether all of it is
+    /// there; [`Renderer::advance`] waits for what is not.
+    ///
+    /// # Errors
+    /// [`RenderError::Device`]; [`RenderError::Scene`] before any scene was set.
+    fn prepare(&mut self) -> Result<bool, RenderError> {
+        Ok(true)
+    }
+
     /// Adds samples to every pixel that does not rest for about the time `slice`: at least one sample, but never more than `spp_limit` in
     /// all.
     ///

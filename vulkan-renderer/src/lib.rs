@@ -16,6 +16,7 @@ mod machine;
 pub mod pack;
 mod pages;
 pub mod program;
+mod programs;
 mod renderer;
 pub mod resolve;
 mod scene;
@@ -25,6 +26,7 @@ mod shown;
 mod slices;
 mod steps;
 
+pub use programs::finish_compiling;
 pub use renderer::VulkanRenderer;
 pub use sent::Sent;
 pub use shaders::{Entry, executables};

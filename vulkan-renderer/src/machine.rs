@@ -5,8 +5,8 @@ use std::path::PathBuf;
 use crate::denoise::DenoiseProgram;
 use crate::device::{Backend, Buffer, Candidate, DeviceError, Gpu, Instance};
 use crate::program::Program;
+use crate::programs::Programs;
 use crate::resolve::ResolveProgram;
-use crate::shaders::{Entry, program};
 use crate::slices::Slices;
 
 /// How a device was opened: enough to open it again after it was lost.
@@ -28,8 +28,8 @@ pub(crate) struct DeviceContext {
     pub(crate) slices: Slices,
     /// Launch sizes of the entry that finds first surfaces.
     pub(crate) slices_of_firsts: Slices,
-    /// Programs by entry and specialisation constants: as many as there were kinds of scenes.
-    programs: Vec<(Entry, Vec<u32>, Program)>,
+    /// What launches run.
+    pub(crate) programs: Programs,
     /// The denoiser, once a picture was denoised.
     denoiser: Option<DenoiseProgram>,
     /// What resolves films, once one was.
@@ -46,25 +46,10 @@ impl DeviceContext {
             tables,
             slices: Slices::default(),
             slices_of_firsts: Slices::of_records(),
-            programs: Vec::new(),
+            programs: Programs::default(),
             denoiser: None,
             resolving: None,
         })
-    }
-
-    /// The program of an entry; compiles it on first use.
-    pub(crate) fn program(&mut self, entry: Entry, constants: &[u32]) -> Result<&mut Program, DeviceError> {
-        let known = self.programs.iter().position(|(e, c, _)| *e == entry && c == constants);
-        let place = match known {
-            Some(place) => place,
-            None => {
-                let made = self.gpu.compiling(|| program(&self.gpu, entry, constants))?;
-                self.programs.push((entry, constants.to_vec(), made));
-                self.gpu.save_pipelines();
-                self.programs.len() - 1
-            }
-        };
-        Ok(&mut self.programs[place].2)
     }
 
     /// The denoiser; compiles it on first use.
@@ -79,7 +64,7 @@ impl DeviceContext {
 
     /// After memory was short: frees what can be made again, and makes launches smaller.
     pub(crate) fn shrink(&mut self) {
-        self.programs.iter_mut().for_each(|(_, _, p)| p.drop_scratch());
+        self.programs.ready_mut().for_each(Program::drop_scratch);
         self.slices.shrink();
         self.slices_of_firsts.shrink();
         self.denoiser.iter_mut().for_each(DenoiseProgram::shrink);
@@ -88,7 +73,7 @@ impl DeviceContext {
 
     /// Bytes of scratch memory that programs hold on the device.
     pub(crate) fn scratch_bytes(&self) -> u64 {
-        self.programs.iter().map(|(_, _, p)| p.scratch_bytes()).sum()
+        self.programs.ready().map(Program::scratch_bytes).sum()
     }
 }
 

@@ -238,6 +238,10 @@ impl Renderer for VulkanRenderer {
         }
     }
 
+    fn prepare(&mut self) -> Result<bool, RenderError> {
+        self.twice(|shown, machine| shown.prepare(machine))
+    }
+
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
         self.sample(Some(Instant::now() + slice), spp_limit, job)?;
         self.of_film(|shown, machine| shown.film.keep(&machine.gpu))?;

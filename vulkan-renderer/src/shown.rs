@@ -130,6 +130,11 @@ impl Shown {
         Ok(Self { scene, on_device, pages, film, needs, denoiser: None })
     }
 
+    /// Begins to compile the program that adds samples; returns whether it is there.
+    pub(crate) fn prepare(&self, machine: &mut DeviceContext) -> Result<bool, DeviceError> {
+        machine.programs.prepare(&machine.gpu, Entry::Path, &Entry::Path.constants(self.needs))
+    }
+
     /// Runs one launch of the unfinished pass, or of a new pass that brings every pixel to `target` samples. Returns true when the pass is
     /// complete.
     pub(crate) fn launch(
@@ -154,7 +159,7 @@ impl Shown {
             samples,
             ..tile.launch()
         };
-        let program = machine.program(Entry::Path, &Entry::Path.constants(self.needs))?;
+        let program = machine.programs.wait(&gpu, Entry::Path, &Entry::Path.constants(self.needs), job)?;
         let during = "a launch of samples";
         let taken = match &mut self.pages {
             None => program.run(during, &launch, [tile.width, tile.height])?,
@@ -191,7 +196,7 @@ impl Shown {
         let mut hit = [HitRecord::zeroed()];
         let tile = Tile { x, y, width: 1, height: 1 };
         let gpu = machine.gpu.clone();
-        self.first(machine, &tile, 1, size_of::<HitRecord>(), |_, records| {
+        self.first(machine, &tile, 1, size_of::<HitRecord>(), &Job::new(), |_, records| {
             Ok(gpu.download(&records, 0, bytemuck::cast_slice_mut(&mut hit))?)
         })?;
         let [HitRecord { t: depth, surface: s, .. }] = hit;
@@ -268,7 +273,7 @@ impl Shown {
             if job.is_cancelled() {
                 break;
             }
-            let taken = self.first(machine, &tile, wanted, size_of::<R>(), |part, found| {
+            let taken = self.first(machine, &tile, wanted, size_of::<R>(), job, |part, found| {
                 let mut records: Vec<R> = zeroed(part.pixels() as usize, PICTURE).map_err(memory)?;
                 gpu.download(&found, 0, bytemuck::cast_slice_mut(&mut records))?;
                 for (row, y) in records.chunks(part.width as usize).zip(part.y..) {
@@ -291,10 +296,11 @@ impl Shown {
         tile: &Tile,
         wanted: u32,
         record_bytes: usize,
+        job: &Job,
         mut complete: impl FnMut(&Tile, Buffer) -> Result<(), UploadError>,
     ) -> Result<Duration, UploadError> {
         let (gpu, scene) = (machine.gpu.clone(), self.on_device.address());
-        let program = machine.program(Entry::First, &Entry::First.constants(self.needs))?;
+        let program = machine.programs.wait(&gpu, Entry::First, &Entry::First.constants(self.needs), job)?;
         let mut run = |part: &Tile, page_requests: u64| {
             let output = gpu.buffer("first surfaces", part.pixels() * record_bytes as u64)?;
             let launch = Launch { scene, output: output.address(), page_requests, wanted, ..part.launch() };
@@ -347,10 +353,17 @@ impl Shown {
         let mut at = Cursor::default();
         while let Some((tile, after)) = machine.slices_of_firsts.next(size, at, 1) {
             let mut found = Vec::new();
-            let taken = self.first(machine, &tile, 0, size_of::<SurfaceAovsRecord>(), |part, surfaces| {
-                found.push((*part, surfaces));
-                Ok(())
-            })?;
+            let taken = self.first(
+                machine,
+                &tile,
+                0,
+                size_of::<SurfaceAovsRecord>(),
+                &Job::new(),
+                |part, surfaces| {
+                    found.push((*part, surfaces));
+                    Ok(())
+                },
+            )?;
             machine.slices_of_firsts.learn(tile.pixels(), 1, taken.as_secs_f64());
             for (part, surfaces) in found {
                 denoiser.guide(machine.denoiser()?, &surfaces, &part)?;

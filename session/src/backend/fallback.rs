@@ -44,7 +44,11 @@ pub struct FallbackRenderer {
     notices: Vec<String>,
     /// Counts of what the renderers before the current one have built.
     rebuilt_before: Rebuilt,
+    stand_in: Option<StandIn>,
 }
+
+/// Makes a renderer that needs no preparing.
+type StandIn = Box<dyn Fn() -> FallbackRenderer + Send>;
 
 impl std::fmt::Debug for FallbackRenderer {
     fn fmt(&self, f: &mut std::fmt::Formatter<'_>) -> std::fmt::Result {
@@ -56,7 +60,25 @@ impl FallbackRenderer {
     /// A renderer that tries `ways` in order; there must be at least one.
     pub(super) fn new(ways: Vec<Way>) -> Self {
         let rebuilt_before = Rebuilt::default();
-        Self { ways, place: 0, current: None, shown: None, notices: Vec::new(), rebuilt_before }
+        Self {
+            ways,
+            place: 0,
+            current: None,
+            shown: None,
+            notices: Vec::new(),
+            rebuilt_before,
+            stand_in: None,
+        }
+    }
+
+    /// The same renderer, with what makes one that may draw while this one [prepares](Renderer::prepare).
+    pub(super) fn with_stand_in(self, stand_in: StandIn) -> Self {
+        Self { stand_in: Some(stand_in), ..self }
+    }
+
+    /// A renderer that may draw while this one prepares, if there is one.
+    pub fn stand_in(&self) -> Option<Self> {
+        self.stand_in.as_ref().map(|make| make())
     }
 
     /// Name of the device in use.
@@ -80,8 +102,8 @@ impl FallbackRenderer {
         }
     }
 
-    /// As `ask`, for a result that needs no samples: after a failure the next renderer can answer at once.
-    fn ask_surfaces<T>(
+    /// As `ask`, for a result that needs no samples: after a failure the next renderer can answer.
+    fn ask_anew<T>(
         &mut self,
         question: impl Fn(&mut dyn Renderer) -> Result<T, RenderError>,
     ) -> Result<T, RenderError> {
@@ -198,6 +220,10 @@ impl Renderer for FallbackRenderer {
         }
     }
 
+    fn prepare(&mut self) -> Result<bool, RenderError> {
+        self.ask_anew(|renderer| renderer.prepare())
+    }
+
     fn color(&mut self) -> Result<Image, RenderError> {
         self.ask(|renderer| renderer.color())
     }
@@ -219,11 +245,11 @@ impl Renderer for FallbackRenderer {
     }
 
     fn pick(&mut self, x: u32, y: u32) -> Result<Option<Pick>, RenderError> {
-        self.ask_surfaces(|renderer| renderer.pick(x, y))
+        self.ask_anew(|renderer| renderer.pick(x, y))
     }
 
     fn seen_surfaces(&mut self, job: &Job) -> Result<Vec<Option<SeenSurface>>, RenderError> {
-        self.ask_surfaces(|renderer| renderer.seen_surfaces(job))
+        self.ask_anew(|renderer| renderer.seen_surfaces(job))
     }
 
     fn rebuilt(&self) -> Rebuilt {

@@ -23,6 +23,10 @@ use crate::render_file::bytes_of_film;
 const FIRST_SLICE: Duration = Duration::from_millis(40);
 /// Longest slice, which is also the longest that a pick waits.
 const LONGEST_SLICE: Duration = Duration::from_millis(500);
+/// How long frames wait for programs that a driver may have kept.
+const PATIENCE: Duration = Duration::from_millis(150);
+/// How long what stands in rests, once it has all samples, before it looks again.
+const GLANCE: Duration = Duration::from_millis(40);
 /// About the number of pixels of the coarsest frame, which takes some 0.02 CPU seconds of diffuse paths.
 const COARSEST_PIXELS: u64 = 16 * 1024;
 
@@ -30,6 +34,8 @@ const COARSEST_PIXELS: u64 = 16 * 1024;
 pub(super) struct Worker {
     shared: Arc<Shared>,
     renderer: FallbackRenderer,
+    /// What draws while the renderer prepares.
+    stand_in: Option<FallbackRenderer>,
     stop: Stop,
     denoise: bool,
     /// Guides of the denoiser on the processor, for this revision and the current frame size.
@@ -42,18 +48,39 @@ pub(super) struct Worker {
     whole: Option<u64>,
 }
 
+/// A revision as it is drawn.
+struct View<'a> {
+    revision: u64,
+    /// The scene with the coarse films, the coarsest first, and with the whole film.
+    coarse: Vec<LoadedScene>,
+    whole: LoadedScene,
+    clock: Stopwatch,
+    job: &'a Job,
+}
+
+/// Where a renderer begins with a revision.
+enum Beginning {
+    /// With the coarse frames. The first scene may be set already.
+    Coarse { is_set: bool },
+    /// With the whole film, after another has shown so many samples of it.
+    Whole { shown_spp: u32 },
+}
+
 /// Why the worker stops drawing a revision.
 enum Turn {
     /// There is a newer revision, or the worker is to stop.
     Changed,
     /// The picture of this revision is done.
     Done,
+    /// The renderer for which another stands in is prepared. The frames so far have so many samples.
+    Prepared(u32),
 }
 
 impl Worker {
     pub(super) fn new(shared: Arc<Shared>, renderer: FallbackRenderer, stop: Stop, denoise: bool) -> Self {
-        let (guides, denoised_on_device, denoising, whole) = (None, false, Duration::ZERO, None);
-        Self { shared, renderer, stop, denoise, guides, denoised_on_device, denoising, whole }
+        let (stand_in, guides, denoised_on_device) = (None, None, false);
+        let (denoising, whole) = (Duration::ZERO, None);
+        Self { shared, renderer, stand_in, stop, denoise, guides, denoised_on_device, denoising, whole }
     }
 
     /// Draws until it is stopped. A panic ends the worker and is reported in the status.
@@ -109,7 +136,7 @@ impl Worker {
             self.tell();
             let mut board = self.shared.board();
             match outcome {
-                Ok(Turn::Changed) | Err(RenderError::Cancelled) => {}
+                Ok(Turn::Changed | Turn::Prepared(_)) | Err(RenderError::Cancelled) => {}
                 Ok(Turn::Done) if board.revision == revision => board.state = LiveState::Converged,
                 Ok(Turn::Done) => {}
                 Err(RenderError::Device(error)) => return Some(error),
@@ -138,26 +165,82 @@ impl Worker {
         let whole = scene.with_film(film)?;
         let held = bytes_of_film(&self.renderer);
         film_memory::check_shown(&film, sums_of(whole.scene()), held)?;
-        for divisor in coarse_divisors(&film) {
+        let coarse = coarse_divisors(&film).map(|divisor| {
             let [width, height] = [film.width, film.height].map(|n| n.div_ceil(divisor));
-            self.show(&scene.with_film(Film { width, height, ..film })?)?;
-            let progress = self.renderer.advance(Duration::ZERO, 1, job)?;
-            // If a device failure restarted the picture meanwhile, there is nothing to show yet.
-            self.publish(revision, progress, &clock, true, false)?;
+            scene.with_film(Film { width, height, ..film })
+        });
+        let coarse = coarse.collect::<std::result::Result<Vec<_>, RenderError>>()?;
+        let view = View { revision, coarse, whole, clock, job };
+
+        let former = self.stand_in.take();
+        self.show(view.coarse.first().unwrap_or(&view.whole))?;
+        let patience = if former.is_some() { Duration::ZERO } else { PATIENCE };
+        if !self.is_prepared(patience, job)?
+            && let Some(stand_in) = former.or_else(|| self.standing_in(scene))
+        {
+            self.stand_in = Some(stand_in);
+            self.tell();
+            match self.refine(&view, Beginning::Coarse { is_set: false }) {
+                Ok(Turn::Prepared(shown_spp)) => {
+                    self.leave_stand_in();
+                    return self.refine(&view, Beginning::Whole { shown_spp });
+                }
+                Err(RenderError::Scene(_) | RenderError::Memory(_)) => {
+                    // Such as too little memory for both: the renderer draws as soon as it can.
+                    self.leave_stand_in();
+                    self.show(view.coarse.first().unwrap_or(&view.whole))?;
+                }
+                Err(RenderError::Device(error)) => {
+                    self.leave_stand_in();
+                    return Err(RenderError::Device(error));
+                }
+                other => return other,
+            }
         }
-        self.show(&whole)?;
-        self.whole = Some(revision);
+        self.refine(&view, Beginning::Coarse { is_set: true })
+    }
+
+    /// Adds samples until the picture is done or something changes. Where another has shown samples, frames are published when there are as
+    /// many, or when as much time has passed again.
+    fn refine(&mut self, view: &View<'_>, beginning: Beginning) -> std::result::Result<Turn, RenderError> {
+        let (clock, job) = (&view.clock, view.job);
+        let (mut is_set, shown_spp, begun) = match beginning {
+            Beginning::Coarse { is_set } => (is_set, 0, 0.0),
+            Beginning::Whole { shown_spp } => (false, shown_spp, clock.seconds()),
+        };
+        if let Beginning::Coarse { .. } = beginning {
+            for scene in &view.coarse {
+                if !std::mem::take(&mut is_set) {
+                    self.show(scene)?;
+                }
+                let progress = self.drawing().advance(Duration::ZERO, 1, job)?;
+                // If a device failure restarted the picture meanwhile, there is nothing to show yet.
+                self.publish(view.revision, progress, clock, true, false)?;
+            }
+        }
+        if !is_set {
+            self.show(&view.whole)?;
+        }
+        self.whole = Some(view.revision);
         self.shared.board().error = None;
         let mut last_published = Instant::now();
         let mut published_spp = 0;
         loop {
             let age = Duration::from_secs_f64(clock.seconds() / 4.0);
             let slice = age.clamp(FIRST_SLICE, LONGEST_SLICE);
-            let progress = self.renderer.advance(slice, self.stop.spp.unwrap_or(u32::MAX), job)?;
-            let done = self.stop.is_met(&progress, clock.seconds());
+            let limit = self.stop.spp.unwrap_or(u32::MAX);
+            let progress = self.drawing().advance(slice, limit, job)?;
+            let stands_in = self.stand_in.is_some();
+            let enough = self.stop.is_met(&progress, clock.seconds() - begun);
+            // The last frame is the renderer's own.
+            let done = enough && !stands_in;
+            let is_behind = progress.spp < shown_spp && clock.seconds() < 2.0 * begun;
             // Denoising a large film takes as long as a slice: samples get twice that time at least.
-            if done || published_spp == 0 || last_published.elapsed() >= slice.max(2 * self.denoising) {
-                let begun_anew = !self.publish(revision, progress, &clock, false, done)?;
+            let is_due = published_spp == 0
+                || (progress.spp > published_spp
+                    && last_published.elapsed() >= slice.max(2 * self.denoising));
+            if done || (is_due && !is_behind) {
+                let begun_anew = !self.publish(view.revision, progress, clock, false, done)?;
                 if begun_anew {
                     published_spp = 0;
                     continue;
@@ -172,13 +255,49 @@ impl Worker {
             if job.is_cancelled() {
                 return Ok(Turn::Changed);
             }
+            if stands_in && self.is_prepared(if enough { GLANCE } else { Duration::ZERO }, job)? {
+                return Ok(Turn::Prepared(published_spp));
+            }
         }
+    }
+
+    /// What draws.
+    fn drawing(&mut self) -> &mut FallbackRenderer {
+        self.stand_in.as_mut().unwrap_or(&mut self.renderer)
+    }
+
+    /// Waits for the renderer to be prepared, at most so long; whether it is.
+    fn is_prepared(&mut self, most: Duration, job: &Job) -> std::result::Result<bool, RenderError> {
+        let start = Instant::now();
+        loop {
+            if self.renderer.prepare()? {
+                return Ok(true);
+            }
+            if start.elapsed() >= most {
+                return Ok(false);
+            }
+            if job.is_cancelled() {
+                return Err(RenderError::Cancelled);
+            }
+            std::thread::sleep(Duration::from_millis(2));
+        }
+    }
+
+    /// What may draw while the renderer prepares. Nothing where volumes are drawn from disk: the memory that they share is for one renderer.
+    fn standing_in(&self, scene: &LoadedScene) -> Option<FallbackRenderer> {
+        let paged = scene.volumes().iter().any(|volume| volume.pages().is_some());
+        if paged { None } else { self.renderer.stand_in() }
+    }
+
+    fn leave_stand_in(&mut self) {
+        self.stand_in = None;
+        self.whole = None;
     }
 
     fn show(&mut self, scene: &LoadedScene) -> std::result::Result<(), RenderError> {
         self.guides = None;
         self.denoised_on_device = false;
-        self.renderer.set_scene(scene)
+        self.drawing().set_scene(scene)
     }
 
     /// The picture to show, and whether it is denoised, on the renderer's device if that can.
@@ -187,10 +306,10 @@ impl Worker {
     /// [`RenderError::Restarted`] if a device failure restarted the film.
     fn image(&mut self, denoise: bool) -> std::result::Result<(Image, bool), RenderError> {
         if !denoise {
-            return Ok((self.renderer.color()?, false));
+            return Ok((self.drawing().color()?, false));
         }
         let start = Instant::now();
-        if let Some(smooth) = self.renderer.denoised()? {
+        if let Some(smooth) = self.drawing().denoised()? {
             // The first one also finds the first surfaces, and may compile.
             if self.denoised_on_device {
                 self.denoising = start.elapsed();
@@ -198,19 +317,19 @@ impl Worker {
             self.denoised_on_device = true;
             return Ok((smooth, true));
         }
-        let image = self.renderer.color()?;
+        let image = self.drawing().color()?;
         self.filtered(image)
     }
 
     /// The picture that the processor denoised and `true`; the picture as it is and `false` if a device failure restarted the film meanwhile.
     fn filtered(&mut self, image: Image) -> std::result::Result<(Image, bool), RenderError> {
         if self.guides.is_none() {
-            self.guides = match self.renderer.picture() {
+            self.guides = match self.drawing().picture() {
                 Err(RenderError::Restarted) => None,
                 picture => Guides::of(&picture?)?,
             };
         }
-        let variance = match self.renderer.variance() {
+        let variance = match self.drawing().variance() {
             Err(RenderError::Restarted) => return Ok((image, false)),
             variance => variance?,
         };
@@ -240,7 +359,7 @@ impl Worker {
         }
         for Question { x, y, answer } in questions {
             // Sending fails if the client has stopped waiting.
-            let _ = answer.send(self.renderer.pick(x, y));
+            let _ = answer.send(self.drawing().pick(x, y));
         }
         self.tell();
     }
@@ -252,7 +371,7 @@ impl Worker {
             return Ok(());
         }
         let made = match self.whole {
-            Some(revision) => self.renderer.seen_surfaces(job).map(|seen| Some((revision, seen))),
+            Some(revision) => self.drawing().seen_surfaces(job).map(|seen| Some((revision, seen))),
             None => Ok(None),
         };
         if let Err(RenderError::Cancelled) = made {
@@ -279,11 +398,15 @@ impl Worker {
 
     /// Updates backend, device and notices in the status.
     fn tell(&mut self) {
-        let notices = self.renderer.notices();
-        let mut board = self.shared.board();
-        board.backend = self.renderer.name();
-        if board.device != self.renderer.device() {
-            board.device = self.renderer.device().to_owned();
+        let mut notices = self.renderer.notices();
+        notices.extend(self.stand_in.iter_mut().flat_map(Renderer::notices));
+        let compiling = self.stand_in.is_some().then(|| self.renderer.name());
+        let shared = Arc::clone(&self.shared);
+        let drawing = self.drawing();
+        let mut board = shared.board();
+        (board.backend, board.compiling) = (drawing.name(), compiling);
+        if board.device != drawing.device() {
+            board.device = drawing.device().to_owned();
         }
         board.notices.extend(notices);
         let surplus = board.notices.len().saturating_sub(MOST_NOTICES);
@@ -303,7 +426,7 @@ impl Worker {
             Err(RenderError::Restarted) => return Ok(false),
             made => made?,
         };
-        let alpha = match self.renderer.alpha() {
+        let alpha = match self.drawing().alpha() {
             Err(RenderError::Restarted) => return Ok(false),
             alpha => alpha?,
         };

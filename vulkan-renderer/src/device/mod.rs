@@ -48,4 +48,5 @@ pub use instance::{Instance, InstanceOptions};
 pub use messages::Messages;
 pub use ray_pipeline::{RayPipeline, RayShaders};
 pub use survey::{Candidate, DeviceKind, survey};
+pub(crate) use unfinished::unmark_own;
 pub use unfinished::{Unfinished, unfinished};

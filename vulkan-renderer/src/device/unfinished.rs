@@ -14,6 +14,7 @@
 use std::fs::{File, TryLockError};
 use std::path::{Path, PathBuf};
 use std::sync::atomic::{AtomicU64, Ordering};
+use std::sync::{Mutex, MutexGuard, PoisonError};
 
 use super::{Backend, Candidate, Instance, pipeline_cache};
 
@@ -59,6 +60,28 @@ impl Unfinished {
     }
 }
 
+/// The marks of this process.
+struct Own {
+    paths: Vec<PathBuf>,
+    /// The process is about to end, so it marks nothing.
+    ending: bool,
+}
+
+static OWN: Mutex<Own> = Mutex::new(Own { paths: Vec::new(), ending: false });
+
+fn own() -> MutexGuard<'static, Own> {
+    OWN.lock().unwrap_or_else(PoisonError::into_inner)
+}
+
+/// Removes the marks of compilations in progress, for good: the process ends by itself, and not by them.
+pub(crate) fn unmark_own() {
+    let mut own = own();
+    own.ending = true;
+    for path in own.paths.drain(..) {
+        let _ = std::fs::remove_file(path);
+    }
+}
+
 /// A compilation in progress. It ends when this is dropped.
 #[derive(Debug)]
 pub(crate) struct Compiling {
@@ -82,6 +105,12 @@ impl Compiling {
                 let _ = std::fs::remove_file(&unnamed);
                 return Err(e);
             }
+            let mut own = own();
+            if own.ending {
+                let _ = std::fs::remove_file(&path);
+                return Err(std::io::ErrorKind::Interrupted.into());
+            }
+            own.paths.push(path.clone());
             Ok((path, file))
         };
         Self { file: pipelines.and_then(|p| mark(p).ok()) }
@@ -99,6 +128,7 @@ impl Compiling {
 impl Drop for Compiling {
     fn drop(&mut self) {
         if let Some((path, _locked)) = &self.file {
+            own().paths.retain(|other| other != path);
             let _ = std::fs::remove_file(path);
         }
     }

@@ -1,5 +1,6 @@
 //! Tests of [`super::FallbackRenderer`] with fake renderers that fail on command at each of their calls.
 
+use std::sync::atomic::{AtomicBool, Ordering::Relaxed};
 use std::sync::{Arc, Mutex};
 
 use pumice_core::{LabelBuffer, LabelType, VolumeInfo, compress_labels};
@@ -13,6 +14,7 @@ use crate::figure::{FigureOptions, compose};
 pub(crate) enum At {
     Open,
     SetScene,
+    Prepare,
     Advance,
     Color,
     Picture,
@@ -35,6 +37,8 @@ struct Fake {
     rebuilt: Rebuilt,
     notices: Vec<String>,
     log: Log,
+    /// Whether it is prepared.
+    ready: Arc<AtomicBool>,
 }
 
 pub(crate) fn full() -> RenderError {
@@ -72,7 +76,20 @@ impl Renderer for Fake {
         Ok(())
     }
 
-    fn advance(&mut self, _: Duration, spp_limit: u32, _: &Job) -> Result<Progress, RenderError> {
+    fn prepare(&mut self) -> Result<bool, RenderError> {
+        if self.fails == At::Prepare && self.ready.load(Relaxed) {
+            return Err((self.error)());
+        }
+        Ok(self.ready.load(Relaxed))
+    }
+
+    fn advance(&mut self, _: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
+        while !self.ready.load(Relaxed) {
+            if job.is_cancelled() {
+                return Err(RenderError::Cancelled);
+            }
+            std::thread::sleep(Duration::from_millis(1));
+        }
         // Only the second call fails, so that there are samples to lose.
         if self.spp > 0 {
             self.call(At::Advance)?;
@@ -131,19 +148,48 @@ impl Renderer for Fake {
 /// Ways that fail at the given calls, and the log of all their calls.
 pub(crate) fn ways(fails: &[(&'static str, At)], error: Failure) -> (FallbackRenderer, Log) {
     let log = Log::default();
+    (made(fails, error, &Arc::new(AtomicBool::new(true)), &log), log)
+}
+
+/// Ways that are prepared when `ready` says so, but `cpu` is at once. Another `cpu`, on device Y, stands in; it fails at the given call.
+pub(crate) fn preparing(
+    fails: &[(&'static str, At)],
+    ready: &Arc<AtomicBool>,
+    stand_in_fails: At,
+) -> (FallbackRenderer, Log) {
+    let log = Log::default();
+    let renderer = made(fails, full, ready, &log);
+    let of_stand_in = Arc::clone(&log);
+    let stand_in = move || {
+        let too_large = || RenderError::Scene("too large for both".into());
+        let mut other =
+            made(&[("cpu", stand_in_fails)], too_large, &Arc::new(AtomicBool::new(true)), &of_stand_in);
+        other.ways[0].device = "Y".into();
+        other
+    };
+    (renderer.with_stand_in(Box::new(stand_in)), log)
+}
+
+fn made(
+    fails: &[(&'static str, At)],
+    error: Failure,
+    ready: &Arc<AtomicBool>,
+    log: &Log,
+) -> FallbackRenderer {
     let way = |&(name, fails): &(&'static str, At)| {
-        let log = Arc::clone(&log);
+        let log = Arc::clone(log);
+        let ready = if name == "cpu" { Arc::new(AtomicBool::new(true)) } else { Arc::clone(ready) };
         let open: Open = Box::new(move || {
             if fails == At::Open {
                 return Err(error());
             }
             let (notices, rebuilt) = (vec!["smaller tiles".to_string()], Rebuilt::default());
-            let log = Arc::clone(&log);
-            Ok(Box::new(Fake { name, fails, error, spp: 0, scene: None, rebuilt, notices, log }))
+            let (log, ready) = (Arc::clone(&log), Arc::clone(&ready));
+            Ok(Box::new(Fake { name, fails, error, spp: 0, scene: None, rebuilt, notices, log, ready }))
         });
         Way { backend: name, device: "X".into(), open }
     };
-    (FallbackRenderer::new(fails.iter().map(way).collect()), log)
+    FallbackRenderer::new(fails.iter().map(way).collect())
 }
 
 pub(crate) fn scene(size: [u32; 2]) -> LoadedScene {
@@ -319,7 +365,17 @@ fn a_scene_that_the_next_way_refuses_leaves_the_former_one() {
         let open: Open = Box::new(move || {
             let (rebuilt, log, error) = (Rebuilt::default(), Log::default(), full);
             let fails = At::Never;
-            let fake = Fake { name, fails, error, spp: 0, scene: None, rebuilt, notices: vec![], log };
+            let fake = Fake {
+                name,
+                fails,
+                error,
+                spp: 0,
+                scene: None,
+                rebuilt,
+                notices: vec![],
+                log,
+                ready: Arc::new(AtomicBool::new(true)),
+            };
             Ok(Box::new(Refuses(fake)))
         });
         Way { backend: name, device: "X".into(), open }
