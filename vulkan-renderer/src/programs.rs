@@ -172,11 +172,17 @@ fn compile(gpu: &Gpu, entry: Entry, constants: &[u32]) -> Receiver<Result<Progra
     made
 }
 
-static UNDER_WAY: Mutex<usize> = Mutex::new(0);
+/// Compilations in progress, and the process that they are in: one that is forked from it has none.
+struct Count {
+    process: u32,
+    under_way: usize,
+}
+
+static COUNT: Mutex<Count> = Mutex::new(Count { process: 0, under_way: 0 });
 static ENDED: Condvar = Condvar::new();
 
-fn under_way() -> MutexGuard<'static, usize> {
-    UNDER_WAY.lock().unwrap_or_else(PoisonError::into_inner)
+fn count() -> MutexGuard<'static, Count> {
+    COUNT.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
 /// Counts a compilation until it is dropped.
@@ -184,14 +190,15 @@ struct UnderWay;
 
 impl UnderWay {
     fn begin() -> Self {
-        *under_way() += 1;
+        let mut count = count();
+        (count.process, count.under_way) = (std::process::id(), count.under_way + 1);
         Self
     }
 }
 
 impl Drop for UnderWay {
     fn drop(&mut self) {
-        *under_way() -= 1;
+        count().under_way -= 1;
         ENDED.notify_all();
     }
 }
@@ -200,13 +207,13 @@ impl Drop for UnderWay {
 /// is then not taken for one that its compilers ended.
 pub fn finish_compiling(most: Duration) -> bool {
     let end = Instant::now() + most;
-    let mut left = under_way();
-    while *left > 0 {
+    let mut count = count();
+    while count.under_way > 0 && count.process == std::process::id() {
         let Some(time) = end.checked_duration_since(Instant::now()).filter(|time| !time.is_zero()) else {
             unmark_own();
             return false;
         };
-        left = ENDED.wait_timeout(left, time).unwrap_or_else(PoisonError::into_inner).0;
+        count = ENDED.wait_timeout(count, time).unwrap_or_else(PoisonError::into_inner).0;
     }
     true
 }
