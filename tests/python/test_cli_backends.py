@@ -193,7 +193,7 @@ def test_an_interrupt_does_not_wait_for_a_compiler(pumice, volume, tmp_path):
 
 def test_a_cache_that_cannot_be_written_is_no_error(pumice, volume, tmp_path):
     (tmp_path / "file").write_text("no folder")
-    for folder in ["", str(tmp_path / "file" / "cache")]:
+    for folder in one_of_today(["", str(tmp_path / "file" / "cache")]):
         report = picture(
             pumice, volume, tmp_path / "o.exr", "vulkan-compute", "--spp", 1, env={"PUMICE_CACHE": folder}
         )

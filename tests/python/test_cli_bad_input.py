@@ -126,7 +126,7 @@ def test_broken_pumice_files_are_refused(pumice, good_pumice, good, tmp_path):
     whole = good_pumice.read_bytes()
     dice = random.Random(5)
     victims = [(f"cut to {n}", whole[:n]) for n in [0, 1, 8, 64, len(whole) // 2, len(whole) - 1]]
-    for _ in range(50):
+    for _ in range(25):
         broken = bytearray(whole)
         place, bit = dice.randrange(len(whole)), dice.randrange(8)
         broken[place] ^= 1 << bit
@@ -153,7 +153,7 @@ def test_broken_pumice_files_are_refused(pumice, good_pumice, good, tmp_path):
             assert "broken.pumice" in run(pumice, *command).refused(), what
         assert left_in(tmp_path) == ["broken.pumice"], what
         refused += 1
-    assert refused > 50, "most faults are detected, so the checks above have run"
+    assert refused > 25, "most faults are detected, so the checks above have run"
 
 
 def test_pumice_files_of_other_versions_are_refused(pumice, good_pumice, good, tmp_path):
