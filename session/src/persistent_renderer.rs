@@ -194,14 +194,15 @@ impl PersistentRenderer {
             Err(SessionError::Render(RenderError::Cancelled)) if watching.unfinished => {
                 // Asks for progress and adds no sample.
                 let progress = renderer.advance(Duration::ZERO, 0, &Job::new())?;
+                if progress.mean_spp == 0.0 {
+                    // A picture takes time: a device compiles for it.
+                    return Err(RenderError::Cancelled.into());
+                }
                 let picture = match renderer.picture() {
                     // The device failed and took the samples with it.
                     Err(RenderError::Restarted) => return Err(RenderError::Cancelled.into()),
                     picture => picture?,
                 };
-                if progress.mean_spp == 0.0 {
-                    return Err(RenderError::Cancelled.into());
-                }
                 (vec![CurvePoint::of(&progress, &pace.clock)], picture)
             }
             sampling => sampling?,
@@ -311,13 +312,28 @@ impl PersistentRenderer {
 #[cfg(test)]
 mod tests {
     use super::*;
-    use crate::backend::fakes::{At, full, scene, ways};
+    use crate::backend::fakes::{At, full, preparing, scene, ways};
 
     fn drawn(fails: &[(&'static str, At)]) -> Result<Rendered> {
         let renderer = PersistentRenderer::of(ways(fails, full).0);
         let stop = Stop { spp: Some(4), ..Stop::default() };
         let watching = Watching { growing: true, passes: true, unfinished: true, denoise: None };
         renderer.render(&scene([4, 2]), &stop, &Job::new(), watching, &mut |_| ())
+    }
+
+    /// A device compiles for a picture as well, so none is made of no samples.
+    #[test]
+    fn what_is_cancelled_while_a_device_compiles_ends_without_a_picture() {
+        let (renderer, log) = preparing(&[("vulkan-rt", At::Never)], &Arc::default(), At::Never);
+        let renderer = PersistentRenderer::of(renderer);
+        let (job, stop) = (Job::new(), Stop { spp: Some(4), ..Stop::default() });
+        job.cancel();
+        let watching = Watching { unfinished: true, ..Watching::default() };
+        let drawn = renderer.render(&scene([4, 2]), &stop, &job, watching, &mut |_| ());
+        assert!(matches!(drawn, Err(SessionError::Render(RenderError::Cancelled))));
+        let log = log.lock().unwrap();
+        assert!(log.iter().any(|call| call == "vulkan-rt SetScene"), "{log:?}");
+        assert!(!log.iter().any(|call| call == "vulkan-rt Picture"), "{log:?}");
     }
 
     #[test]

@@ -84,7 +84,7 @@ impl Renderer for Fake {
     }
 
     fn advance(&mut self, _: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
-        while !self.ready.load(Relaxed) {
+        while self.spp < spp_limit && !self.ready.load(Relaxed) {
             if job.is_cancelled() {
                 return Err(RenderError::Cancelled);
             }
