@@ -15,11 +15,12 @@ use std::time::{Duration, Instant};
 
 use pumice_core::error::one_line;
 use pumice_core::reserve;
-use ureq::Agent;
 use ureq::config::Config;
 use ureq::http::Response;
+use ureq::typestate::WithoutBody;
 use ureq::unversioned::resolver::Resolver;
 use ureq::unversioned::transport::Connector;
+use ureq::{Agent, RequestBuilder};
 
 use crate::bounded_decoder::Coder;
 use crate::store_files::{Part, is_absent};
@@ -40,6 +41,9 @@ const MOST_KEPT_BYTES: usize = 1 << 20;
 const WAITS: [Duration; 3] =
     [Duration::from_millis(250), Duration::from_millis(1000), Duration::from_millis(3000)];
 
+/// Redirects that are followed.
+const MOST_REDIRECTS: usize = 5;
+
 /// How long a server may be silent.
 const SILENCE: Duration = Duration::from_secs(30);
 
@@ -48,7 +52,9 @@ static AGENT: LazyLock<Agent> = LazyLock::new(|| config().new_agent());
 fn config() -> Config {
     Agent::config_builder()
         .http_status_as_error(false)
-        .max_redirects(5)
+        // `followed` does it: of a redirect whose own body is damaged, ureq expects an end that never came, and panics.
+        .max_redirects(0)
+        .max_redirects_will_error(false)
         .timeout_connect(Some(Duration::from_secs(10)))
         .timeout_recv_response(Some(SILENCE))
         .timeout_per_read(Some(SILENCE))
@@ -118,17 +124,18 @@ pub(crate) fn read(path: &Path, part: Part, most: u64) -> Result<Vec<u8>, Error>
 }
 
 fn read_once(agent: &Agent, url: &str, part: Part, most: u64) -> Result<Vec<u8>, Failure> {
-    let mut request = agent.get(url);
-    request = match part {
-        Part::Whole => request.header("Accept-Encoding", "gzip, br, zstd"),
-        Part::From(begin) => request.header("Range", format!("bytes={begin}-")),
-        Part::Piece { begin, size } => {
-            let last = begin.saturating_add(size - 1);
-            request.header("Range", format!("bytes={begin}-{last}"))
+    let mut response = followed(url, |url| {
+        let request = agent.get(url);
+        match part {
+            Part::Whole => request.header("Accept-Encoding", "gzip, br, zstd"),
+            Part::From(begin) => request.header("Range", format!("bytes={begin}-")),
+            Part::Piece { begin, size } => {
+                let last = begin.saturating_add(size - 1);
+                request.header("Range", format!("bytes={begin}-{last}"))
+            }
+            Part::Last(size) => request.header("Range", format!("bytes=-{size}")),
         }
-        Part::Last(size) => request.header("Range", format!("bytes=-{size}")),
-    };
-    let mut response = request.call().map_err(Failure::of_transport)?;
+    })?;
     check_status(&response, part)?;
     body(&mut response, part, most)
 }
@@ -144,12 +151,56 @@ pub(crate) fn size(path: &Path) -> Result<u64, Error> {
 }
 
 fn size_once(agent: &Agent, url: &str) -> Result<u64, Failure> {
-    let response = agent.head(url).call().map_err(Failure::of_transport)?;
+    let response = followed(url, |url| agent.head(url))?;
     check_status(&response, Part::Whole)?;
     let length = response.headers().get("content-length").and_then(|v| v.to_str().ok()?.parse().ok());
     length.ok_or_else(|| {
         Failure::last(ErrorKind::InvalidData, "the server does not say the file's size".into())
     })
+}
+
+/// The answer to a request, where redirects end.
+fn followed(
+    url: &str,
+    request: impl Fn(&str) -> RequestBuilder<WithoutBody>,
+) -> Result<Response<ureq::Body>, Failure> {
+    let mut url = url.to_owned();
+    for _ in 0..=MOST_REDIRECTS {
+        let response = request(&url).call().map_err(Failure::of_transport)?;
+        let location = response.headers().get("location").and_then(|v| v.to_str().ok());
+        match (response.status().as_u16(), location) {
+            (301 | 302 | 303 | 307 | 308, Some(location)) => url = redirected(&url, location),
+            _ => return Ok(response),
+        }
+    }
+    Err(Failure::last(
+        ErrorKind::InvalidData,
+        format!("the server redirects more than {MOST_REDIRECTS} times"),
+    ))
+}
+
+/// Where `Location` leads from a URL: elsewhere, to another path of the server, or to a name beside the last one (RFC 3986, section 5.2, but dots
+/// are left to the server).
+fn redirected(from: &str, location: &str) -> String {
+    let location = location.split('#').next().unwrap_or_default();
+    let path_begins = from.find("://").map_or(0, |at| at + 3);
+    let origin = from[path_begins..].find('/').map_or(from, |at| &from[..path_begins + at]);
+    let beside = || {
+        from.split('?')
+            .next()
+            .and_then(|path| path[path_begins..].rfind('/').map(|at| &path[..path_begins + at]))
+    };
+    let has_scheme = location.split_once("://").is_some_and(|(scheme, _)| !scheme.contains(['/', '?']));
+    let to = if has_scheme {
+        location.to_owned()
+    } else if location.starts_with("//") {
+        format!("{}{location}", &from[..path_begins.saturating_sub(2)])
+    } else if location.starts_with('/') {
+        format!("{origin}{location}")
+    } else {
+        format!("{}/{location}", beside().unwrap_or(origin))
+    };
+    escaped(&to)
 }
 
 /// Reads a file of at most `most` bytes as a whole, from byte `begin` on, a piece of `size` bytes, and its end, and asks for its size, once each,
@@ -330,6 +381,20 @@ fn coder_of<B>(response: &Response<B>) -> Result<Option<Coder>, Failure> {
 #[cfg(test)]
 mod tests {
     use super::*;
+
+    #[test]
+    fn redirects_lead_where_they_say() {
+        for (from, location, expected) in [
+            ("http://s/a/b", "https://t/c d?e=f", "https://t/c%20d?e=f"),
+            ("http://s/a/b", "//t/c", "http://t/c"),
+            ("https://s:81/a/b?x=/y", "/c?d=http://e", "https://s:81/c?d=http://e"),
+            ("http://s/a/b?x=/y", "c#d", "http://s/a/c"),
+            ("http://s/a/", "", "http://s/a/"),
+            ("http://s", "c", "http://s/c"),
+        ] {
+            assert_eq!(redirected(from, location), expected, "{from} {location}");
+        }
+    }
 
     #[test]
     fn buckets_have_urls() {
