@@ -21,7 +21,7 @@ use crate::shaders::{Entry, program};
 
 /// Compilations at once. Beyond them [`Programs::prepare`] begins no other: edits of a scene may ask for one each.
 const MOST_AT_ONCE: usize = 2;
-/// How often a waiting caller looks whether its job is cancelled.
+/// Time between two looks of a waiting caller whether its job is cancelled.
 const GLANCE: Duration = Duration::from_millis(10);
 /// Compilers call themselves deeply; threads have 2 MiB by default. Only what is used is taken from memory.
 const STACK_BYTES: usize = 64 << 20;

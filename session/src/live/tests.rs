@@ -6,17 +6,22 @@ use std::time::{Duration, Instant};
 use super::*;
 use crate::backend::fakes::{At, full, preparing, scene, ways};
 
-/// Waits until the worker has converged or ended, and returns the status; fails after a minute.
-fn settled(live: &Live) -> Status {
+/// Waits until the status is as wanted; fails after a minute.
+fn awaited(live: &Live, what: impl Fn(&Status) -> bool) -> Status {
     let start = Instant::now();
     loop {
         let status = live.status();
-        if status.state != LiveState::Rendering {
+        if what(&status) {
             return status;
         }
         assert!(start.elapsed() < Duration::from_secs(60), "{status:?}");
         std::thread::sleep(Duration::from_millis(2));
     }
+}
+
+/// The status once the worker has converged or ended.
+fn settled(live: &Live) -> Status {
+    awaited(live, |status| status.state != LiveState::Rendering)
 }
 
 fn started(fails: &[(&'static str, At)]) -> Live {
@@ -64,19 +69,6 @@ fn complaints_do_not_pile_up() {
     let status = settled(&live);
     assert_eq!((status.backend, status.notices.len()), ("cpu", MOST_NOTICES));
     assert!(status.notices.iter().any(|n| n.ends_with("going on with cpu")), "the latest are kept");
-}
-
-/// Waits until the status is as wanted; fails after a minute.
-fn awaited(live: &Live, what: impl Fn(&Status) -> bool) -> Status {
-    let start = Instant::now();
-    loop {
-        let status = live.status();
-        if what(&status) {
-            return status;
-        }
-        assert!(start.elapsed() < Duration::from_secs(60), "{status:?}");
-        std::thread::sleep(Duration::from_millis(2));
-    }
 }
 
 /// A live picture whose device is prepared when `ready` says so.

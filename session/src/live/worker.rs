@@ -25,7 +25,7 @@ const FIRST_SLICE: Duration = Duration::from_millis(40);
 const LONGEST_SLICE: Duration = Duration::from_millis(500);
 /// How long frames wait for programs that a driver may have kept.
 const PATIENCE: Duration = Duration::from_millis(150);
-/// How long what stands in rests, once it has all samples, before it looks again.
+/// Time between two looks whether the device has compiled, once the processor's picture has all samples.
 const GLANCE: Duration = Duration::from_millis(40);
 /// About the number of pixels of the coarsest frame, which takes some 0.02 CPU seconds of diffuse paths.
 const COARSEST_PIXELS: u64 = 16 * 1024;
@@ -34,7 +34,7 @@ const COARSEST_PIXELS: u64 = 16 * 1024;
 pub(super) struct Worker {
     shared: Arc<Shared>,
     renderer: FallbackRenderer,
-    /// What draws while the renderer prepares.
+    /// The renderer on the processor that draws while `renderer` compiles.
     stand_in: Option<FallbackRenderer>,
     stop: Stop,
     denoise: bool,
