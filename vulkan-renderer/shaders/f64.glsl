@@ -10,7 +10,8 @@
 //    └────┴────────────┴────────────────────────────┘
 //
 // With NATIVE_F64 defined, sums and products are the device's own (Vulkan demands that they are correctly rounded). Quotients and roots
-// stay emulated, because Vulkan allows the device's to be wrong in the last bits.
+// stay emulated, because Vulkan allows the device's to be wrong in the last bits. With COUNTS_F64 defined, sums, products, comparisons and
+// conversions from integers are counted: those that occupy a device's units for doubles.
 #ifndef F64_GLSL
 #define F64_GLSL
 
@@ -24,6 +25,13 @@
 #define f64 uint64_t
 // An emulated operation is about a hundred instructions. Loops over the axes stay loops, or pipelines take minutes to compile.
 #define ROLLED [[dont_unroll]]
+#endif
+
+#ifdef COUNTS_F64
+uint f64_operations = 0u;
+#define F64_COUNT f64_operations += 1u;
+#else
+#define F64_COUNT
 #endif
 
 const uint64_t F64_SIGN = 0x8000000000000000UL;
@@ -263,6 +271,7 @@ uint64_t f64_sqrt_bits(uint64_t a) {
 }
 
 f64 f64_add(f64 a, f64 b) {
+    F64_COUNT
 #ifdef NATIVE_F64
     precise double sum = a + b;
     return sum;
@@ -276,6 +285,7 @@ f64 f64_neg(f64 a) {
 }
 
 f64 f64_sub(f64 a, f64 b) {
+    F64_COUNT
 #ifdef NATIVE_F64
     precise double difference = a - b;
     return difference;
@@ -285,6 +295,7 @@ f64 f64_sub(f64 a, f64 b) {
 }
 
 f64 f64_mul(f64 a, f64 b) {
+    F64_COUNT
 #ifdef NATIVE_F64
     precise double product = a * b;
     return product;
@@ -333,6 +344,7 @@ int64_t f64_order(uint64_t a) {
 }
 
 bool f64_lt(f64 a, f64 b) {
+    F64_COUNT
 #ifdef NATIVE_F64
     return a < b;
 #else
@@ -341,6 +353,7 @@ bool f64_lt(f64 a, f64 b) {
 }
 
 bool f64_le(f64 a, f64 b) {
+    F64_COUNT
 #ifdef NATIVE_F64
     return a <= b;
 #else
@@ -361,6 +374,7 @@ f64 f64_clamp(f64 a, f64 low, f64 high) {
 }
 
 f64 f64_from_u32(uint a) {
+    F64_COUNT
 #ifdef NATIVE_F64
     return double(a);
 #else

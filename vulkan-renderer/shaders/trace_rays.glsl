@@ -13,7 +13,11 @@ void trace_ray_number(uint i) {
     uint only = r.question == QUESTION_NEXT_BOUNDARY ? r.only : NONE;
     uint only_instance = only != NONE ? r.only_instance : NONE;
     Hit hit = scene_ask(scene, ray, from, f64_from_bits(r.t_max), any, only, only_instance, false);
-    HitRecords(launch.target).at[i] = record_of_hit(hit);
+    HitRecord record = record_of_hit(hit);
+#ifdef COUNTS_F64
+    record.reserved = f64_operations;
+#endif
+    HitRecords(launch.target).at[i] = record;
 }
 
 #endif

@@ -245,19 +245,18 @@ bool visit_brick(InstanceRef instance, inout Search search, uint number) {
         return false;
     }
     Words corners = Words(instance.it.brick_corners);
-    BrickWalk walk;
-    walk.shift = BRICK_SHIFT;
-    walk.corner = uvec3(corners.at[3u * number], corners.at[3u * number + 1u], corners.at[3u * number + 2u]);
-    f64 leave;
-    clip(search.ray, walk.corner, walk.corner + (1u << BRICK_SHIFT), search.start, walk.t, leave);
-    if (f64_le(leave, walk.t) || f64_le(search.best_t, walk.t)) {
+    uvec3 corner = uvec3(corners.at[3u * number], corners.at[3u * number + 1u], corners.at[3u * number + 2u]);
+    f64 enter, leave;
+    clip(search.ray, corner, corner + (1u << BRICK_SHIFT), search.start, enter, leave);
+    if (f64_le(leave, enter) || f64_le(search.best_t, enter)) {
         return false;
     }
-    ROLLED for (uint a = 0u; a < 3u; a++) {
-        walk.ahead[a] = plane_ahead(walk, search.ray, a);
-    }
+    f64 end = f64_min(leave, search.best_t);
+    BrickWalk walk = brick_walk_from(search.ray, enter, end);
+    walk.shift = BRICK_SHIFT;
+    walk.corner = corner;
     brick_walk_descend(walk, search.ray);
-    Found found = first_of_walk(walk, instance, search.ray, CELL_SHIFT, search.start, f64_min(leave, search.best_t), number);
+    Found found = first_of_walk(walk, instance, search.ray, CELL_SHIFT, search.start, end, number);
     found_in_brick(search, found, number);
     return false;
 }

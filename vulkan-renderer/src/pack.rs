@@ -37,7 +37,7 @@ pub use emitters::PackedEmitters;
 pub use light_tree::lamp_tree;
 pub use material_table::PackedMaterials;
 pub use meshes::{PackedMesh, place_mesh};
-pub use needs::{CONSTANTS, LEAVES_OUT, ShaderNeeds};
+pub use needs::{CONSTANTS, FLOATS_FIRST, LEAVES_OUT, ShaderNeeds};
 pub use nodes::PackedNodes;
 pub use page::{MOST_PAGE_BYTES, PAGE_ALIGNMENT, PackedPage};
 pub use scene::{PackedSky, camera, instance_tree, lamps, lights, settings, suns};

@@ -2,8 +2,8 @@
 
 use std::time::Duration;
 
-use crate::device::{Backend, DeviceError, Executable, Gpu, RayShaders};
-use crate::pack::{CONSTANTS, ShaderNeeds};
+use crate::device::{Backend, Candidate, DeviceError, DeviceKind, Executable, Gpu, RayShaders};
+use crate::pack::{CONSTANTS, FLOATS_FIRST, ShaderNeeds};
 use crate::program::{Code, Program};
 
 /// An entry point that can be launched.
@@ -16,13 +16,23 @@ pub enum Entry {
 }
 
 impl Entry {
-    /// Specialisation constants of the entry for a scene that needs `needs`.
-    pub(crate) fn constants(self, needs: ShaderNeeds) -> [u32; CONSTANTS] {
-        match self {
-            Self::Path => needs.constants(),
-            Self::First => needs.of_surfaces().constants(),
-        }
+    /// Specialisation constants of the entry for a scene that needs `needs`, and for a device.
+    pub(crate) fn constants(self, needs: ShaderNeeds, device: &Candidate) -> [u32; FLOATS_FIRST + 1] {
+        let needs = match self {
+            Self::Path => needs,
+            Self::First => needs.of_surfaces(),
+        };
+        let mut constants = [0; FLOATS_FIRST + 1];
+        constants[..CONSTANTS].copy_from_slice(&needs.constants());
+        constants[FLOATS_FIRST] = u32::from(floats_first(device.kind, device.native_f64));
+        constants
     }
+}
+
+/// Whether the walk through bricks compares floats before doubles: on cards, whose doubles are slow, and where doubles are emulated. (Cortex,
+/// Mesa's driver that computes on a processor: 1.2 times the CPU seconds of a walk in its own doubles.)
+fn floats_first(kind: DeviceKind, native_f64: bool) -> bool {
+    kind != DeviceKind::Software || !native_f64
 }
 
 /// Workgroup size of both entries, across and down, where they are compute shaders.
@@ -104,7 +114,7 @@ pub fn executables(
     needs: &ShaderNeeds,
 ) -> Result<(Duration, Vec<Executable>), DeviceError> {
     let Modules { main, miss_and_box } = Modules::of(gpu, entry);
-    let constants = entry.constants(*needs);
+    let constants = entry.constants(*needs, gpu.candidate());
     match &miss_and_box {
         None => gpu.compute_executables(&main, &constants),
         Some([miss, intersection]) => {

@@ -132,7 +132,11 @@ impl Shown {
 
     /// Begins to compile the program that adds samples; returns whether it is there.
     pub(crate) fn prepare(&self, machine: &mut DeviceContext) -> Result<bool, DeviceError> {
-        machine.programs.prepare(&machine.gpu, Entry::Path, &Entry::Path.constants(self.needs))
+        machine.programs.prepare(
+            &machine.gpu,
+            Entry::Path,
+            &Entry::Path.constants(self.needs, machine.gpu.candidate()),
+        )
     }
 
     /// Runs one launch of the unfinished pass, or of a new pass that brings every pixel to `target` samples. Returns true when the pass is
@@ -159,7 +163,12 @@ impl Shown {
             samples,
             ..tile.launch()
         };
-        let program = machine.programs.wait(&gpu, Entry::Path, &Entry::Path.constants(self.needs), job)?;
+        let program = machine.programs.wait(
+            &gpu,
+            Entry::Path,
+            &Entry::Path.constants(self.needs, gpu.candidate()),
+            job,
+        )?;
         let during = "a launch of samples";
         let taken = match &mut self.pages {
             None => program.run(during, &launch, [tile.width, tile.height])?,
@@ -300,7 +309,12 @@ impl Shown {
         mut complete: impl FnMut(&Tile, Buffer) -> Result<(), UploadError>,
     ) -> Result<Duration, UploadError> {
         let (gpu, scene) = (machine.gpu.clone(), self.on_device.address());
-        let program = machine.programs.wait(&gpu, Entry::First, &Entry::First.constants(self.needs), job)?;
+        let program = machine.programs.wait(
+            &gpu,
+            Entry::First,
+            &Entry::First.constants(self.needs, gpu.candidate()),
+            job,
+        )?;
         let mut run = |part: &Tile, page_requests: u64| {
             let output = gpu.buffer("first surfaces", part.pixels() * record_bytes as u64)?;
             let launch = Launch { scene, output: output.address(), page_requests, wanted, ..part.launch() };

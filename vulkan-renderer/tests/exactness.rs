@@ -2,6 +2,8 @@
 //! against an exact oracle.)
 #![allow(clippy::unwrap_used, clippy::panic, clippy::expect_used, reason = "tests")]
 
+#[path = "exactness/doubles.rs"]
+mod doubles;
 #[path = "../../cpu-renderer/tests/exact/mod.rs"]
 mod exact;
 mod gpu;
@@ -26,7 +28,7 @@ use pumice_transport::geometry::{Cuts, LodChoice};
 use pumice_transport::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};
 use pumice_vulkan::device::Backend;
 use pumice_vulkan::layout::{HitRecord, Launch, NONE, Question, RayRecord, SceneHeader, SurfaceRecord};
-use pumice_vulkan::pack::cut_planes;
+use pumice_vulkan::pack::{FLOATS_FIRST, cut_planes};
 use pumice_vulkan::program::Program;
 
 /// A ray query to both sides.
@@ -82,7 +84,20 @@ impl Asked {
     }
 }
 
-/// One backend on a device, with native or emulated doubles.
+/// How a front computes.
+#[derive(Clone, Copy, Debug, PartialEq, Eq)]
+struct Numbers {
+    /// Doubles of the device's own, or emulated ones.
+    native: bool,
+    /// The walk through bricks compares floats first. Pictures of a software driver have it in doubles alone.
+    floats_first: bool,
+}
+
+const FLOATS: Numbers = Numbers { native: true, floats_first: true };
+const DOUBLES: Numbers = Numbers { native: true, floats_first: false };
+const IN_INTEGERS: Numbers = Numbers { native: false, floats_first: true };
+
+/// One backend on a device.
 struct Front {
     name: String,
     gpu: Gpu,
@@ -92,21 +107,23 @@ struct Front {
 static FRONTS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 static OTHERS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 
-/// Compute shaders with native doubles, and one of the others, which changes daily: each hardware backend with the doubles that a renderer
-/// would use there, and on one day in eight compute shaders with emulated doubles, which take minutes to compile for a CPU.
+/// Compute shaders with native doubles that compare floats first, and one of the others, which changes daily: each hardware backend with native
+/// doubles, and on one day in eight compute shaders with emulated doubles, which take minutes to compile for a CPU.
 fn fronts() -> Shared<Vec<Front>> {
     let made = || {
-        let [rays, queries] = [(Backend::RayPipeline, true), (Backend::RayQuery, true)];
-        let mut others = vec![rays, queries, rays, queries, rays, queries, rays, (Backend::Compute, false)];
+        let [rays, queries] = [Backend::RayPipeline, Backend::RayQuery];
+        let hardware = [(rays, FLOATS), (queries, FLOATS), (rays, DOUBLES), (queries, DOUBLES)];
+        let mut others = [&hardware[..], &hardware[..3], &[(Backend::Compute, IN_INTEGERS)]].concat();
         others.retain(|(backend, _)| gpu::backends().contains(backend));
-        let wanted = std::iter::once((Backend::Compute, true)).chain(of_today(&others));
-        let mut different: Vec<(Backend, bool)> = Vec::new();
-        for (backend, native) in wanted.map(|(b, native)| (b, native && Gpu::of(b).has_f64)) {
-            if !different.contains(&(backend, native)) {
-                different.push((backend, native));
+        let wanted = std::iter::once((Backend::Compute, FLOATS)).chain(of_today(&others));
+        let mut different: Vec<(Backend, Numbers)> = Vec::new();
+        for (backend, numbers) in wanted {
+            let numbers = Numbers { native: numbers.native && Gpu::of(backend).has_f64, ..numbers };
+            if !different.contains(&(backend, numbers)) {
+                different.push((backend, numbers));
             }
         }
-        different.into_iter().map(|(backend, native)| Front::new(backend, native)).collect()
+        different.into_iter().map(|(backend, numbers)| Front::new(backend, numbers)).collect()
     };
     Shared::take(&FRONTS, made, |fronts| fronts.iter().map(|f| &f.gpu).collect())
 }
@@ -115,7 +132,7 @@ fn fronts() -> Shared<Vec<Front>> {
 fn others() -> Shared<Vec<Front>> {
     let made = || {
         let hardware = gpu::hardware_backends().into_iter();
-        hardware.filter(|&b| Gpu::of(b).has_f64).map(|b| Front::new(b, false)).collect()
+        hardware.filter(|&b| Gpu::of(b).has_f64).map(|b| Front::new(b, IN_INTEGERS)).collect()
     };
     Shared::take(&OTHERS, made, |fronts| fronts.iter().map(|f| &f.gpu).collect())
 }
@@ -147,15 +164,22 @@ on_fronts! {
     cut_volumes_are_the_cpus
     scenes_of_several_instances_are_the_cpus
     long_volumes_are_the_cpus
+    rays_from_far_away_are_the_cpus
     meshes_are_the_cpus
     instances_are_the_cpus
 }
 
 impl Front {
-    fn new(backend: Backend, native: bool) -> Self {
+    fn new(backend: Backend, numbers: Numbers) -> Self {
+        let mut constants = [1; FLOATS_FIRST + 1];
+        constants[FLOATS_FIRST] = u32::from(numbers.floats_first);
+        Self::of("trace_rays", backend, numbers, &constants)
+    }
+
+    fn of(entry: &str, backend: Backend, numbers: Numbers, constants: &[u32]) -> Self {
         let gpu = Gpu::of(backend);
-        let program = RefCell::new(gpu.program("trace_rays", native, [64, 1]));
-        let name = format!("{backend}{}", if native { ", native doubles" } else { "" });
+        let program = RefCell::new(gpu.program_with(entry, numbers.native, [64, 1], constants));
+        let name = format!("{backend}, {numbers:?}");
         Self { name, gpu, program }
     }
 
@@ -535,6 +559,22 @@ fn long_volumes_are_the_cpus(fronts: &[Front]) {
             }
             let hits = front.check("2^20 voxels long", &traced, &asked);
             assert!(hits > 100, "{hits}");
+        }
+    }
+}
+
+/// From so far away that the roundings of doubles are larger than those of the floats that are compared first.
+fn rays_from_far_away_are_the_cpus(fronts: &[Front]) {
+    for front in fronts {
+        let (_, Dense { dims, .. }, volume) = volumes().swap_remove(1);
+        let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
+        for power in [34, 40, 46] {
+            let mut asked = rays_of(Class::Random, dims, 20, &DAffine3::IDENTITY, 2_000);
+            for a in &mut asked {
+                a.ray.origin -= a.ray.direction * f64::from(power).exp2();
+            }
+            let hits = front.check(&format!("from 2^{power} away"), &traced, &asked);
+            assert!(hits > asked.len() / 4, "{hits}");
         }
     }
 }

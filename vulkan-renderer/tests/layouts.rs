@@ -23,7 +23,7 @@ use pumice_vulkan::layout::{
     PAGE_COUNTS, PagedBox, PixelLight, Question, RayRecord, Resolve, ResolveStep, SCRATCH_BYTES, SceneHeader,
     Settings, Sun, SurfaceAovsRecord, SurfaceRecord,
 };
-use pumice_vulkan::pack::ShaderNeeds;
+use pumice_vulkan::pack::{FLOATS_FIRST, ShaderNeeds};
 use reflection::{Field, Layout, constants_read, layouts};
 
 /// The shaders' name of a type. Doubles are integers there.
@@ -485,12 +485,15 @@ fn first_surfaces_read_no_needs_of_light() {
     const CATCHERS: u32 = 16;
     let all =
         ShaderNeeds { parts: PartSet::ALL, instance_tree: true, bricks: true, boxes: true, pages: true };
-    let kept = |n: &u32| *n == CATCHERS || all.of_surfaces().constants()[*n as usize] != 0;
-    for (front, least) in [("first_bvh.comp", 7), ("first_query.comp", 7), ("first.rgen", 7), ("box.rint", 3)]
+    let kept = |n: &u32| {
+        [CATCHERS, FLOATS_FIRST as u32].contains(n) || all.of_surfaces().constants()[*n as usize] != 0
+    };
+    for (front, least) in [("first_bvh.comp", 8), ("first_query.comp", 8), ("first.rgen", 8), ("box.rint", 4)]
     {
         for module in [format!("{front}.spv"), format!("{front}.f64.spv")] {
             let read = constants_read(&words_of(&folder("spirv").join(&module)));
             assert!(read.iter().all(kept) && read.len() >= least, "{module}: {read:?}");
+            assert!(read.contains(&(FLOATS_FIRST as u32)), "{module}: {read:?}");
         }
     }
     // Negative control: paths read what they leave out.

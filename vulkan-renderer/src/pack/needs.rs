@@ -28,8 +28,10 @@ const BRICKS: usize = 18;
 const BOXES: usize = 19;
 const PAGES: usize = 21;
 
-/// Number of specialisation constants.
+/// Number of specialisation constants that tell what a scene needs.
 pub const CONSTANTS: usize = 22;
+/// Number of the constant after them: whether the walk through bricks compares floats before doubles.
+pub const FLOATS_FIRST: usize = CONSTANTS;
 
 /// Parts that are left out on a device where a scene does not need them, in the compiled code or in memory.
 pub const LEAVES_OUT: PartSet = {

@@ -1,0 +1,64 @@
+//! How many operations on doubles a ray through bricks takes, where floats are compared first and where they are not.
+
+use glam::DAffine3;
+use pumice_oracle::Dense;
+use pumice_scene::PartSet;
+use pumice_transport::geometry::LodChoice;
+use pumice_vulkan::device::Backend;
+use pumice_vulkan::pack::{FLOATS_FIRST, ShaderNeeds};
+
+use super::exact::cases::volumes;
+use super::exact::rays::Class;
+use super::exact::volumes::Random;
+use super::gpu::scene::Form;
+use super::{Asked, DOUBLES, FLOATS, Front, Numbers, bounces, instance, rays_of, tracer};
+
+impl Front {
+    /// A front that counts, for scenes of bricks alone.
+    fn that_counts(backend: Backend, numbers: Numbers) -> Self {
+        let needs = ShaderNeeds {
+            parts: PartSet::NONE,
+            instance_tree: false,
+            bricks: true,
+            boxes: false,
+            pages: false,
+        };
+        let mut constants = needs.constants().to_vec();
+        assert_eq!(constants.len(), FLOATS_FIRST);
+        constants.push(u32::from(numbers.floats_first));
+        Self::of("count_doubles", backend, numbers, &constants)
+    }
+}
+
+/// Floats decide nearly all steps: of the operations on doubles, those remain that a ray needs to begin and to end, and a brick where one is
+/// found by a hierarchy.
+#[test]
+fn floats_spare_doubles() {
+    for backend in super::gpu::backends() {
+        // (A pipeline's walk is in a program of its own, whose counts do not reach the record.)
+        if backend == Backend::RayPipeline {
+            continue;
+        }
+        let fronts = [DOUBLES, FLOATS].map(|numbers| Front::that_counts(backend, numbers));
+        for (name, Dense { dims, .. }, volume) in volumes() {
+            let traced = [instance(&volume, DAffine3::IDENTITY, LodChoice::Voxels)];
+            let first = rays_of(Class::Random, dims, 20, &DAffine3::IDENTITY, 2_000);
+            let second = bounces(&tracer(&traced, &[], Form::Bricks), &first, &mut Random(31));
+            for (what, asked) in [("first", first), ("bounced", second)] {
+                let [before, after] = fronts.each_ref().map(|f| f.mean_count(&traced, &asked));
+                println!(
+                    "{backend}, {name}, {what}: {before:.0} operations on doubles a ray, {after:.0} of them with floats first"
+                );
+                assert!(after > 20.0 && after < 0.8 * before, "{backend}, {name}, {what}: {before}, {after}");
+            }
+        }
+    }
+}
+
+impl Front {
+    /// Mean number of operations on doubles a ray.
+    fn mean_count(&self, traced: &[super::TracedInstance], asked: &[Asked]) -> f64 {
+        let counts = self.trace(Form::Bricks, traced, &[], &[], asked);
+        counts.iter().map(|r| f64::from(r.reserved)).sum::<f64>() / counts.len() as f64
+    }
+}
