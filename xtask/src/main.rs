@@ -29,7 +29,7 @@ Usage: cargo xtask test [--full] [--only PART]... [--share K] [--bpy VERSION] [-
        cargo xtask wheel [--out FOLDER]
        cargo xtask test-window [--suite trixie|sid] [--gpu opengl|vulkan] [--out FOLDER]
        cargo xtask stub
-       cargo xtask shaders [--check]
+       cargo xtask shaders [--check [--share K]]
        cargo xtask gpu-stats [FAMILY]... [--scene NAME]... [--out FOLDER]
        cargo xtask fuzz [TARGET]... [--seconds N]
        cargo xtask fuzz TARGET --input FILE
@@ -64,6 +64,7 @@ stub: regenerates python/pumice/_native.pyi from the source.
 shaders: compiles vulkan-renderer/shaders to vulkan-renderer/spirv, with a compiler that it unpacks under target/ (Debian, Ubuntu).
 
   --check       do not write; fail if the compiled shaders do not match their sources
+  --share K     compile again only the quarter of them whose turn it is in this share; the others are compared by their hashes
 
 gpu-stats: prints registers, spills and instructions of the shaders, as Mesa's compiler counts them for AMD cards that are not there.
 

@@ -8,7 +8,7 @@
 //! ```
 //! `--check` compares hashes with the manifest, and finds sources that changed after compiling, results that differ from those compiled,
 //! and extra files. If this machine has exactly the compiler that the manifest names, it also compiles again, compares the bytes, and
-//! runs `spirv-val`.
+//! runs `spirv-val`: all shaders, or with `--share K` every fourth, another one each day.
 
 use std::collections::{BTreeMap, BTreeSet};
 use std::ffi::OsStr;
@@ -28,19 +28,33 @@ const FLAGS: [&str; 3] = ["--quiet", "--target-env", "vulkan1.2"];
 /// Macro that is defined for shaders that use the device's own doubles.
 const NATIVE: &str = "NATIVE_F64";
 
+/// Shaders are compiled again by this many turns.
+const TURNS: usize = 4;
+
 /// Options of `cargo xtask shaders`.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
 pub(crate) struct Options {
     check: bool,
+    /// The share of the full set to which compiling again is limited.
+    share: Option<usize>,
 }
 
 impl Options {
     pub(crate) fn parse(args: &[String]) -> Result<Self, String> {
         match args {
-            [] => Ok(Self { check: false }),
-            [flag] if flag == "--check" => Ok(Self { check: true }),
+            [] => Ok(Self::default()),
+            [flag] if flag == "--check" => Ok(Self { check: true, share: None }),
+            [flag, share, number] if flag == "--check" && share == "--share" => {
+                let number = number.parse().map_err(|_| format!("--share {number}: expected a number"))?;
+                Ok(Self { check: true, share: Some(number) })
+            }
             _ => Err(format!("unknown argument {}", args.join(" "))),
         }
+    }
+
+    /// Whether the shader at this place of the list is compiled again.
+    fn compiles(self, place: usize) -> bool {
+        self.share.is_none_or(|share| place % TURNS == share % TURNS)
     }
 }
 
@@ -61,7 +75,8 @@ pub(crate) fn run(root: &Path, target: &Path, options: &Options) -> Result<(), S
         );
         return Ok(());
     }
-    for (name, defines) in outputs(&folders)? {
+    let turn = outputs(&folders)?.into_iter().enumerate().filter(|(place, _)| options.compiles(*place));
+    for (_, (name, defines)) in turn {
         let file = target.join(format!("shader-check-{}.spv", std::process::id()));
         let compiled = tools.compile(&folders.shaders, &source_of(&name), &defines, &file);
         let bytes =
@@ -328,8 +343,20 @@ mod tests {
 
     #[test]
     fn arguments() {
-        assert_eq!(Options::parse(&[]), Ok(Options { check: false }));
-        assert_eq!(Options::parse(&["--check".into()]), Ok(Options { check: true }));
-        assert!(Options::parse(&["x".into()]).is_err());
+        let parsed = |args: &[&str]| Options::parse(&args.iter().map(|a| a.to_string()).collect::<Vec<_>>());
+        assert_eq!(parsed(&[]), Ok(Options { check: false, share: None }));
+        assert_eq!(parsed(&["--check"]), Ok(Options { check: true, share: None }));
+        assert_eq!(parsed(&["--check", "--share", "9"]), Ok(Options { check: true, share: Some(9) }));
+        for bad in [&["x"][..], &["--share", "9"], &["--check", "--share"], &["--check", "--share", "x"]] {
+            assert!(parsed(bad).is_err(), "{bad:?}");
+        }
+    }
+
+    #[test]
+    fn each_shader_has_its_turn() {
+        let turns =
+            |place| (0..TURNS).filter(move |&s| Options { check: true, share: Some(s) }.compiles(place));
+        assert!((0..40).all(|place| turns(place).count() == 1));
+        assert!((0..40).all(|place| Options { check: true, share: None }.compiles(place)));
     }
 }

@@ -1,12 +1,12 @@
-//! `cargo xtask test`: the parts, in two lanes side by side.
+//! `cargo xtask test`: the parts, two at a time.
 //!
 //! ```text
-//! first    build ─────────────────────────► rust ─► rust-docs ─► shared-rust ─► share
-//! second   python-env ─► vulkan-env ─► blender-env ─► wheel ─► python ─► cli ─► python-module ─► blender ─► shared-python
+//! build ──────────────────────► rust ───────────────────────────────────► blender ──────────► …
+//! python-env, vulkan-env, blender-env ─► wheel ─► cli ─► python-module ─────────► python ─► …
 //! ```
-//! What the second lane fetches and unpacks comes while the first compiles; later each leaves the other the core that it does not use
-//! itself. A part waits for those that it needs (`needed`). Lines of the first lane are passed on as they come, those of a part of the
-//! second as a block when it ends.
+//! Whoever is free takes the first part of the list whose needs (`needed`) are met. What is fetched and unpacked comes while the workspace compiles;
+//! later one part leaves the other the core that it does not use itself. The parts that take longest come first, and of these Blender's last, whose
+//! threads use a core that is idle. Lines of `build` and `rust` are passed on as they come, those of another part as a block when it ends.
 
 use std::path::{Path, PathBuf};
 use std::process::{Command, ExitCode};
@@ -20,24 +20,26 @@ use crate::python_env::Environment;
 use crate::step::Step;
 use crate::{extension, seconds_table, share, shared_data, wheel};
 
-/// Name, cap in seconds, what it is. The caps are several times what a lane needs beside another, so that only a hang or a gross slowdown
-/// hits one.
+/// Name, cap in seconds, what it is, in the order in which they begin. The caps are several times what a part needs beside another, so that only a
+/// hang or a gross slowdown hits one.
 const PARTS: [(&str, u64, &str); 14] = [
     ("build", 1800, "the workspace's tests, the command, the examples"),
     ("python-env", 600, "target/venv from tests/python/requirements.txt"),
     ("vulkan-env", 600, "target/mesa: Vulkan on the CPU, its validation layer, the shader compiler"),
     ("blender-env", 900, "target/venv-bpy: Blender as a module, and the libraries that it lacks here"),
     ("rust", 4000, "compiled shaders are not stale; unit and integration tests of every crate"),
-    ("rust-docs", 900, "examples in the documentation"),
     ("wheel", 1200, "the module pumice for Python, built and installed"),
-    ("python", 1500, "formats, file layout and metrics against other people's code"),
     ("cli", 2400, "the command: contract, bad input, full disk, Ctrl-C"),
     ("python-module", 2400, "its stub, its types, its tests; the samples of the docs"),
     ("blender", 1800, "the extension, packed and installed as a user does, in Blender without a window"),
-    ("shared-rust", 1500, "suites over volumes that may not be shipped"),
-    ("shared-python", 1200, "the same, in Python"),
+    ("python", 1500, "formats, file layout and metrics against other people's code"),
+    ("shared-python", 1200, "suites over volumes that may not be shipped, in Python"),
+    ("shared-rust", 1500, "the same, in Rust"),
     ("share", 2400, "today's share of the full set"),
+    ("rust-docs", 900, "examples in the documentation"),
 ];
+/// Parts that run at once.
+const AT_ONCE: usize = 2;
 /// Test programs of `pumice-vulkan` that take turns by day. Their manifest says `test = false`, so that a plain `cargo test` passes them by.
 const BY_TURNS: [&str; 2] = ["renderer_query", "renderer_pipeline"];
 
@@ -161,36 +163,38 @@ pub(crate) fn run(options: &Options) -> ExitCode {
         .map(|part| part.0)
         .filter(|name| options.wants(name) && !(options.full && *name == "share"))
         .collect();
-    let done = Done::default();
+    let queue = Queue::of(wanted);
     std::thread::scope(|scope| {
-        for lane in [Output::Live, Output::AtTheEnd] {
-            let (suite, running, done, wanted) = (&suite, &running, &done, &wanted);
-            scope.spawn(move || {
-                for (name, cap, _) in
-                    PARTS.into_iter().filter(|p| wanted.contains(&p.0) && lane_of(p.0) == lane)
-                {
+        for _ in 0..AT_ONCE {
+            scope.spawn(|| {
+                while let Some(Next { name, cap, lost }) = queue.next() {
                     let cap = if options.full { cap * FULL_CAP_FACTOR } else { cap };
-                    let needed = needed(name).iter().filter(|part| wanted.contains(part));
-                    let lost = done.failed_of(needed.copied());
-                    done.push(part::run(name, cap, must_test(name), lane, running, || match lost {
-                        Some(part) => Err(Outcome::Failed(format!("{part} failed"))),
-                        None => suite.steps(name),
-                    }));
+                    queue.ended(part::run(
+                        name,
+                        cap,
+                        must_test(name),
+                        output_of(name),
+                        &running,
+                        || match lost {
+                            Some(part) => Err(Outcome::Failed(format!("{part} failed"))),
+                            None => suite.steps(name),
+                        },
+                    ));
                 }
             });
         }
     });
 
-    let rows = done.in_order();
+    let rows = queue.in_order();
     println!("\n{}", seconds_table::table(&rows, start.elapsed().as_secs_f64()));
     let failed = rows.iter().any(|r| matches!(r.outcome, Outcome::Failed(_)));
     if failed { ExitCode::from(1) } else { ExitCode::SUCCESS }
 }
 
-/// The lane of a part, by where its lines go.
-fn lane_of(part: &str) -> Output {
+/// Where the lines of a part go. The two parts whose lines are passed on never run at once, since one needs the other.
+fn output_of(part: &str) -> Output {
     match part {
-        "build" | "rust" | "rust-docs" | "shared-rust" | "share" => Output::Live,
+        "build" | "rust" => Output::Live,
         _ => Output::AtTheEnd,
     }
 }
@@ -203,7 +207,8 @@ fn needed(part: &str) -> &'static [&'static str] {
         "python" | "cli" | "shared-python" => &["python-env", "vulkan-env", "build"],
         "python-module" => &["python-env", "vulkan-env", "build", "wheel"],
         "blender" => &["python-env", "vulkan-env", "build", "wheel", "blender-env"],
-        "rust" | "shared-rust" | "share" => &["vulkan-env"],
+        "rust" | "shared-rust" | "share" => &["vulkan-env", "build"],
+        "rust-docs" => &["build"],
         _ => &[],
     }
 }
@@ -214,37 +219,66 @@ fn must_test(part: &str) -> bool {
     !matches!(part, "build" | "python-env" | "wheel" | "blender-env" | "vulkan-env" | "rust-docs" | "share")
 }
 
-/// The parts that have ended, told to those that wait for them.
-#[derive(Default)]
-struct Done {
-    rows: Mutex<Vec<Row>>,
-    one_more: Condvar,
+/// The parts that are to run and those that have ended.
+struct Queue {
+    parts: Mutex<Parts>,
+    one_more_ended: Condvar,
 }
 
-impl Done {
-    fn push(&self, row: Row) {
-        self.rows.lock().unwrap_or_else(PoisonError::into_inner).push(row);
-        self.one_more.notify_all();
+struct Parts {
+    wanted: Vec<&'static str>,
+    waiting: Vec<(&'static str, u64)>,
+    ended: Vec<Row>,
+}
+
+/// A part that may begin.
+#[derive(Debug, PartialEq, Eq)]
+struct Next {
+    name: &'static str,
+    cap: u64,
+    /// The first part that it needs and that failed.
+    lost: Option<&'static str>,
+}
+
+impl Queue {
+    fn of(wanted: Vec<&'static str>) -> Self {
+        let listed = PARTS.into_iter().filter(|part| wanted.contains(&part.0));
+        let waiting = listed.map(|(name, cap, _)| (name, cap)).collect();
+        let parts = Mutex::new(Parts { wanted, waiting, ended: Vec::new() });
+        Self { parts, one_more_ended: Condvar::new() }
     }
 
-    /// Waits until all these parts have ended; the first of them that failed.
-    fn failed_of(&self, parts: impl Iterator<Item = &'static str>) -> Option<&'static str> {
-        let mut failed = None;
-        for part in parts {
-            let rows = self.rows.lock().unwrap_or_else(PoisonError::into_inner);
-            let has_not_ended = |rows: &mut Vec<Row>| !rows.iter().any(|r| r.name == part);
-            let rows = self.one_more.wait_while(rows, has_not_ended).unwrap_or_else(PoisonError::into_inner);
-            let has_failed = rows.iter().any(|r| r.name == part && matches!(r.outcome, Outcome::Failed(_)));
-            failed = failed.or(has_failed.then_some(part));
-        }
-        failed
+    /// Waits for a part that may begin. None is left where nothing waits.
+    fn next(&self) -> Option<Next> {
+        let parts = self.parts.lock().unwrap_or_else(PoisonError::into_inner);
+        let all_wait = |parts: &mut Parts| !parts.waiting.is_empty() && parts.first_ready().is_none();
+        let parts = self.one_more_ended.wait_while(parts, all_wait);
+        let mut parts = parts.unwrap_or_else(PoisonError::into_inner);
+        let (name, cap) = parts.first_ready().map(|place| parts.waiting.remove(place))?;
+        let has_failed = |part: &&&str| {
+            parts.ended.iter().any(|r| r.name == **part && matches!(r.outcome, Outcome::Failed(_)))
+        };
+        Some(Next { name, cap, lost: needed(name).iter().find(has_failed).copied() })
+    }
+
+    fn ended(&self, row: Row) {
+        self.parts.lock().unwrap_or_else(PoisonError::into_inner).ended.push(row);
+        self.one_more_ended.notify_all();
     }
 
     /// The rows as the parts are listed.
     fn in_order(self) -> Vec<Row> {
-        let mut rows = self.rows.into_inner().unwrap_or_else(PoisonError::into_inner);
+        let mut rows = self.parts.into_inner().unwrap_or_else(PoisonError::into_inner).ended;
         rows.sort_by_key(|row| PARTS.iter().position(|part| part.0 == row.name));
         rows
+    }
+}
+
+impl Parts {
+    /// Index among the waiting of the first part of which all needs that were asked for have ended.
+    fn first_ready(&self) -> Option<usize> {
+        let is_met = |part: &&str| !self.wanted.contains(part) || self.ended.iter().any(|r| r.name == *part);
+        self.waiting.iter().position(|(name, _)| needed(name).iter().all(&is_met))
     }
 }
 
@@ -304,8 +338,11 @@ impl Suite {
                 } else {
                     &OF_BY_TURNS
                 });
+                let share = self.share.to_string();
+                let mut check = vec!["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"];
+                check.extend(["--share", &share].iter().filter(|_| !self.full));
                 vec![
-                    self.cargo(&["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"]),
+                    self.cargo(&check),
                     self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat()),
                     self.cargo(&by_turns),
                 ]
@@ -475,16 +512,16 @@ fn is_of_docs(name: &str) -> bool {
 mod tests {
     use super::*;
 
-    /// No two parts wait for each other: each waits for parts that are listed before it alone, or, of its own lane, come before it.
+    /// No two parts wait for each other: each waits for parts alone that are listed before it.
     #[test]
-    fn lanes_come_to_an_end() {
+    fn parts_wait_for_earlier_ones() {
         let place = |name: &str| PARTS.iter().position(|p| p.0 == name).unwrap();
         for (name, ..) in PARTS {
             for part in needed(name) {
                 assert!(place(part) < place(name), "{name} waits for {part}");
             }
         }
-        assert!(PARTS.iter().any(|p| lane_of(p.0) == Output::Live));
+        assert!(needed("rust").contains(&"build"), "only one part's lines are passed on at a time");
     }
 
     #[test]
@@ -497,18 +534,23 @@ mod tests {
             cpu_seconds: None,
             cap_seconds: 1,
         };
-        let done = Done::default();
+        let queue = Queue::of(vec!["wheel", "build", "python-env"]);
+        let begun = || queue.next().map(|next| next.name);
+        assert_eq!((begun(), begun()), (Some("build"), Some("python-env")));
         std::thread::scope(|scope| {
-            let waiting = scope.spawn(|| done.failed_of(["python-env", "build"].into_iter()));
-            done.push(row("build", Outcome::Failed("no compiler".into())));
+            let waiting = scope.spawn(|| queue.next());
+            queue.ended(row("build", Outcome::Failed("no compiler".into())));
             std::thread::sleep(std::time::Duration::from_millis(50));
             assert!(!waiting.is_finished(), "python-env has not ended");
-            done.push(row("python-env", Outcome::Passed));
-            assert_eq!(waiting.join().unwrap(), Some("build"));
+            queue.ended(row("python-env", Outcome::Passed));
+            let wheel = Next { name: "wheel", cap: 1200, lost: Some("build") };
+            assert_eq!(waiting.join().unwrap(), Some(wheel));
         });
-        assert_eq!(done.failed_of(["python-env"].into_iter()), None);
-        let names: Vec<&str> = done.in_order().iter().map(|row| row.name).collect();
+        assert_eq!(queue.next(), None);
+        let names: Vec<&str> = queue.in_order().iter().map(|row| row.name).collect();
         assert_eq!(names, ["build", "python-env"]);
+        // A need that was not asked for is not waited for.
+        assert_eq!(Queue::of(vec!["wheel"]).next(), Some(Next { name: "wheel", cap: 1200, lost: None }));
     }
 
     fn parsed(args: &[&str]) -> Result<Options, String> {
