@@ -338,7 +338,7 @@ mod tests {
 
     #[test]
     fn a_device_that_fails_is_followed_by_the_next_and_told() {
-        for at in [At::Open, At::SetScene, At::Advance, At::Color, At::Picture] {
+        for at in [At::Open, At::SetScene, At::PreparePicture, At::Advance, At::Color, At::Picture] {
             let made = drawn(&[("vulkan-rt", at), ("cpu", At::Never)]).unwrap();
             // The picture comes from one renderer: four samples, all after the failure.
             assert_eq!(
@@ -353,7 +353,7 @@ mod tests {
 
     #[test]
     fn the_last_devices_failure_is_the_callers_error() {
-        for at in [At::Open, At::SetScene, At::Advance, At::Color, At::Picture] {
+        for at in [At::Open, At::SetScene, At::PreparePicture, At::Advance, At::Color, At::Picture] {
             let error = drawn(&[("vulkan-rt", at)]).unwrap_err();
             assert_eq!(error.to_string(), "vulkan-rt on X: out of GPU memory", "{at:?}");
         }

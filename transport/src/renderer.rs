@@ -107,6 +107,14 @@ pub trait Renderer: Send {
         Ok(true)
     }
 
+    /// Begins what [`Renderer::picture`] needs beside samples, as [`Renderer::prepare`] does for those, so that it is there once they are.
+    ///
+    /// # Errors
+    /// As [`Renderer::prepare`].
+    fn prepare_picture(&mut self) -> Result<(), RenderError> {
+        Ok(())
+    }
+
     /// Adds samples to every pixel that does not rest for about the time `slice`: at least one sample, but never more than `spp_limit` in
     /// all.
     ///

@@ -242,6 +242,10 @@ impl Renderer for VulkanRenderer {
         self.twice(|shown, machine| shown.prepare(machine))
     }
 
+    fn prepare_picture(&mut self) -> Result<(), RenderError> {
+        self.twice(|shown, machine| shown.prepare_picture(machine))
+    }
+
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
         self.sample(Some(Instant::now() + slice), spp_limit, job)?;
         self.of_film(|shown, machine| shown.film.keep(&machine.gpu))?;

@@ -139,6 +139,13 @@ impl Shown {
         )
     }
 
+    /// Begins to compile the program that adds samples, and the one that finds first surfaces beside it.
+    pub(crate) fn prepare_picture(&self, machine: &mut DeviceContext) -> Result<(), DeviceError> {
+        self.prepare(machine)?;
+        let constants = Entry::First.constants(self.needs, machine.gpu.candidate());
+        machine.programs.prepare(&machine.gpu, Entry::First, &constants).map(drop)
+    }
+
     /// Runs one launch of the unfinished pass, or of a new pass that brings every pixel to `target` samples. Returns true when the pass is
     /// complete.
     pub(crate) fn launch(

@@ -224,6 +224,10 @@ impl Renderer for FallbackRenderer {
         self.ask_anew(|renderer| renderer.prepare())
     }
 
+    fn prepare_picture(&mut self) -> Result<(), RenderError> {
+        self.ask_anew(|renderer| renderer.prepare_picture())
+    }
+
     fn color(&mut self) -> Result<Image, RenderError> {
         self.ask(|renderer| renderer.color())
     }

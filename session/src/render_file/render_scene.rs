@@ -248,6 +248,7 @@ pub(crate) fn sampled(
     watch: &mut Watch<'_>,
 ) -> Result<(Vec<CurvePoint>, Picture)> {
     loop {
+        renderer.prepare_picture()?;
         let curve = render_watched(renderer, stop, job, watch)?;
         match renderer.picture() {
             // The device failed when the finished picture was read: another one draws it again.

@@ -15,6 +15,7 @@ pub(crate) enum At {
     Open,
     SetScene,
     Prepare,
+    PreparePicture,
     Advance,
     Color,
     Picture,
@@ -81,6 +82,10 @@ impl Renderer for Fake {
             return Err((self.error)());
         }
         Ok(self.ready.load(Relaxed))
+    }
+
+    fn prepare_picture(&mut self) -> Result<(), RenderError> {
+        self.call(At::PreparePicture)
     }
 
     fn advance(&mut self, _: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError> {
