@@ -22,8 +22,17 @@ SearchRef search_of_launch(Address scratch) {
 void visit_in_pipeline(InstanceRef instance, Address scratch, uint item) {
     SearchRef shared_search = search_of_launch(scratch);
     Search search = shared_search.it;
+    f64 t_before = search.best_t;
+    uint kind_before = search.kind, number_before = search.box_number;
     bool over = search.seek == SEEK_HOLDER ? visit_holder(instance, search, item) : visit(instance, search, item);
-    shared_search.it = search;
+    // Most visits find nothing nearer, and write nothing.
+    if (search.kind != kind_before || search.box_number != number_before || !f64_eq(search.best_t, t_before)) {
+        shared_search.it.best_t = search.best_t;
+        shared_search.it.kind = search.kind;
+        shared_search.it.label = search.label;
+        shared_search.it.box_number = search.box_number;
+        shared_search.it.step = search.step;
+    }
     float limit = max(search_limit(search), 0.0);
     if (over) {
         reportIntersectionEXT(0.0, 0u);
