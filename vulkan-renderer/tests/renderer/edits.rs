@@ -159,8 +159,12 @@ fn other_labels_are_drawn_as_if_no_others_had_been() {
             while renderer.advance(Duration::ZERO, 2, &Job::new()).unwrap().spp < 2 {}
             renderer.color().unwrap()
         };
+        // But for scratch memory, which suffices for the largest launch so far, and a launch is as large as the machine is fast.
+        let lasting = |renderer: &Validated| {
+            renderer.bytes().into_iter().filter(|(part, _)| *part != "scratch").collect::<Vec<_>>()
+        };
         let whole = draw(&mut renderer, &scene);
-        let held = renderer.bytes();
+        let held = lasting(&renderer);
         let has_bricks = held.iter().any(|(part, bytes)| *part == "bricks" && *bytes > 0);
         assert_eq!(has_bricks, by == "bricks");
         let (mut built, mut kept, mut others) = (0, 0, 0);
@@ -186,7 +190,7 @@ fn other_labels_are_drawn_as_if_no_others_had_been() {
         // What was made for some labels goes with them.
         scene.instances[0].style.show = Show::All;
         assert!(draw(&mut renderer, &scene) == whole, "{by}");
-        assert_eq!(renderer.bytes(), held, "{by}");
+        assert_eq!(lasting(&renderer), held, "{by}");
     }
 }
 
