@@ -21,8 +21,8 @@ use crate::shaders::{Entry, program};
 
 /// Compilations at once. Beyond them [`Programs::prepare`] begins no other: edits of a scene may ask for one each.
 const MOST_AT_ONCE: usize = 2;
-/// Time between two looks of a waiting caller whether its job is cancelled.
-const GLANCE: Duration = Duration::from_millis(10);
+/// Interval at which a caller that waits for a program polls its job for cancellation.
+const POLL_INTERVAL: Duration = Duration::from_millis(10);
 /// Compilers call themselves deeply; threads have 2 MiB by default. Only what is used is taken from memory.
 const STACK_BYTES: usize = 64 << 20;
 
@@ -73,7 +73,7 @@ impl Programs {
     ) -> Result<&mut Program, UploadError> {
         let place = self.begun(gpu, entry, constants);
         while let State::Compiling(made) = &self.0[place].2 {
-            match made.recv_timeout(GLANCE) {
+            match made.recv_timeout(POLL_INTERVAL) {
                 Ok(made) => self.keep(place, made)?,
                 Err(RecvTimeoutError::Disconnected) => self.keep(place, Err(ended()))?,
                 Err(RecvTimeoutError::Timeout) if job.is_cancelled() => {

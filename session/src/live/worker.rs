@@ -25,8 +25,8 @@ const FIRST_SLICE: Duration = Duration::from_millis(40);
 const LONGEST_SLICE: Duration = Duration::from_millis(500);
 /// How long frames wait for programs that a driver may have kept.
 const PATIENCE: Duration = Duration::from_millis(150);
-/// Time between two looks whether the device has compiled, once the processor's picture has all samples.
-const GLANCE: Duration = Duration::from_millis(40);
+/// Interval at which the worker polls the device's compiler once the processor's picture has all its samples.
+const POLL_INTERVAL: Duration = Duration::from_millis(40);
 /// About the number of pixels of the coarsest frame, which takes some 0.02 CPU seconds of diffuse paths.
 const COARSEST_PIXELS: u64 = 16 * 1024;
 
@@ -255,7 +255,7 @@ impl Worker {
             if job.is_cancelled() {
                 return Ok(Turn::Changed);
             }
-            if stands_in && self.is_prepared(if enough { GLANCE } else { Duration::ZERO }, job)? {
+            if stands_in && self.is_prepared(if enough { POLL_INTERVAL } else { Duration::ZERO }, job)? {
                 return Ok(Turn::Prepared(published_spp));
             }
         }
