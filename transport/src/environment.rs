@@ -28,6 +28,8 @@ use pumice_core::NoMemory;
 use pumice_core::reserve::reserved;
 use pumice_picture::image::Image;
 
+use crate::cdf_guide::CdfGuide;
+
 /// A picture with its sampling distribution (see the module).
 #[derive(Clone, Debug)]
 pub struct EnvironmentTable {
@@ -47,6 +49,8 @@ pub struct EnvironmentTable {
     pub column_cdf: Vec<f32>,
     /// Of each row of cells, the density per solid angle where the brightness (without `strength`) and the sine of the polar angle are 1.
     pub row_density: Vec<f32>,
+    /// To the rows, and to the columns of each row.
+    guides: [CdfGuide; 2],
 }
 
 /// A picture with less than this part of its light above the mean is not sampled.
@@ -127,8 +131,22 @@ impl EnvironmentTable {
                 if is_even { 0.0 } else { (sine / total) as f32 }
             })
             .collect();
+        let of_rows = CdfGuide::new([&row_cdf[1..=height]].into_iter(), height, what);
+        let columns = column_cdf.chunks_exact(width + 1).map(|row| &row[1..width]);
+        let of_columns = CdfGuide::new(columns, width, what);
+        let guides = [of_rows.map_err(no_memory)?, of_columns.map_err(no_memory)?];
         let irradiance = if is_even { 0.0 } else { (total / 4.0) as f32 * strength };
-        Ok(Self { image, strength, rotation_rad, floor, irradiance, row_cdf, column_cdf, row_density })
+        Ok(Self {
+            image,
+            strength,
+            rotation_rad,
+            floor,
+            irradiance,
+            row_cdf,
+            column_cdf,
+            row_density,
+            guides,
+        })
     }
 
     /// Picture coordinates of a direction: pixels from the left and from the top.
@@ -206,11 +224,12 @@ impl EnvironmentTable {
     pub fn sample(&self, u: [f32; 2]) -> (DVec3, Vec3, f32) {
         let (width, height) = (self.image.width, self.image.height);
         let v = f64::from(u[1]);
-        let row = self.row_cdf[1..=height].partition_point(|&e| e <= v);
+        let [of_rows, of_columns] = &self.guides;
+        let row = of_rows.count_up_to(0, &self.row_cdf[1..=height], v);
         let in_row =
             ((v - self.row_cdf[row]) / (self.row_cdf[row + 1] - self.row_cdf[row])).clamp(0.0, 1.0) as f32;
         let ends = &self.column_cdf[row * (width + 1)..][..=width];
-        let left = ends[1..width].partition_point(|&e| e <= u[0]);
+        let left = of_columns.count_up_to(row, &ends[1..width], f64::from(u[0]));
         let in_column = ((u[0] - ends[left]) / (ends[left + 1] - ends[left])).clamp(0.0, 1.0);
         let (top, bottom) = rows_around(row, height);
         let right = if left + 1 == width { 0 } else { left + 1 };

@@ -14,6 +14,7 @@
 
 pub mod bsdf;
 pub mod camera_rays;
+mod cdf_guide;
 pub mod emitters;
 pub mod environment;
 pub mod farthest_colors;
