@@ -56,7 +56,7 @@ fn pooled(own: &Triple, takes_part: &[f32], guides: &Guides) -> Result<Triple, N
         let planes = [red, green, blue];
         for x in (0..layout.width).step_by(LANES) {
             let at = layout.place(x, y);
-            if lanes(takes_part, at) == [0.0; LANES] {
+            if *lanes(takes_part, at) == [0.0; LANES] {
                 continue;
             }
             let (label, instance) = (lanes(&guides.label, at), lanes(&guides.instance, at));

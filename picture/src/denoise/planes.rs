@@ -3,8 +3,7 @@
 //! ```text
 //! a row:  MARGIN zeroes │ width values │ zeroes up to a multiple of LANES, and MARGIN more
 //! ```
-//! The filter takes LANES pixels beside each other at a time, of each plane one load at any offset, and compilers make vector instructions of
-//! loops over them. What lies in the room around takes no part: it is 0 there as well.
+//! The filter takes LANES pixels beside each other at a time, and compilers make vector instructions of loops over them. What lies in the room around takes no part: it is 0 there as well.
 
 use bytemuck::Zeroable;
 use pumice_core::NoMemory;
@@ -16,8 +15,8 @@ use super::{RADIUS, WIDE_STEP};
 /// Room beside a row: how far the wide window reaches.
 pub(super) const MARGIN: usize = RADIUS * WIDE_STEP;
 
-/// Pixels that are filtered together.
-pub(super) const LANES: usize = 8;
+/// Pixels that are filtered together: so many that compilers make vector instructions of a loop over them, of whatever width.
+pub(super) const LANES: usize = 32;
 
 /// A number of each of [`LANES`] pixels.
 pub(super) type Lanes<T = f32> = [T; LANES];
@@ -80,14 +79,12 @@ impl Layout {
 
 /// The values from a place on.
 #[inline(always)]
-pub(super) fn lanes<T: Copy + Zeroable>(plane: &[T], at: usize) -> Lanes<T> {
-    let mut values = [T::zeroed(); LANES];
-    values.copy_from_slice(&plane[at..at + LANES]);
-    values
+pub(super) fn lanes<T>(plane: &[T], at: usize) -> &Lanes<T> {
+    &plane[at..at + LANES].as_chunks().0[0]
 }
 
 /// The values of three planes from a place on.
 #[inline(always)]
-pub(super) fn three_lanes(planes: &Triple, at: usize) -> [Lanes; 3] {
+pub(super) fn three_lanes(planes: &Triple, at: usize) -> [&Lanes; 3] {
     [lanes(&planes[0], at), lanes(&planes[1], at), lanes(&planes[2], at)]
 }

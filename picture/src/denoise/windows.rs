@@ -1,5 +1,9 @@
-//! The two windows of the filter: sums over pixels around one, eight pixels beside each other at a time.
+//! The two windows of the filter: sums over pixels around one, for many pixels beside each other at a time.
+//!
+//! For each place of a window there is one loop over these pixels, without branches, which compilers turn into vector instructions. Rows are
+//! compiled for processors with wider vectors too; no product and sum is fused, so all versions give the same bits.
 
+use multiversion::multiversion;
 use pumice_core::NoMemory;
 use rayon::prelude::*;
 
@@ -36,13 +40,14 @@ pub(super) struct WideWindow<'a> {
 }
 
 /// What is compared of pixels beside each other.
-struct Compared {
-    mean: [Lanes; 3],
-    variance: [Lanes; 3],
-    normal: [Lanes; 3],
-    albedo: [Lanes; 3],
-    label: Lanes<u32>,
-    instance: Lanes<u32>,
+struct Compared<'a> {
+    mean: [&'a Lanes; 3],
+    variance: [&'a Lanes; 3],
+    normal: [&'a Lanes; 3],
+    albedo: [&'a Lanes; 3],
+    label: &'a Lanes<u32>,
+    instance: &'a Lanes<u32>,
+    takes_part: &'a Lanes,
 }
 
 impl FirstWindow<'_> {
@@ -60,22 +65,7 @@ impl FirstWindow<'_> {
         let of_variance = (of_red.par_chunks_mut(n), of_green.par_chunks_mut(n), of_blue.par_chunks_mut(n));
         let rows = (of_mean, of_variance);
         rows.into_par_iter().enumerate().for_each(|(y, (mean, variance))| {
-            let means = [mean.0, mean.1, mean.2];
-            let variances = [variance.0, variance.1, variance.2];
-            for x in (0..layout.width).step_by(LANES) {
-                let at = layout.place(x, y);
-                let takes_part = lanes(&self.light.takes_part, at);
-                if takes_part == [0.0; LANES] {
-                    continue;
-                }
-                let (mean, variance) = self.mean_of(x, y);
-                for c in 0..3 {
-                    for lane in (0..LANES).filter(|&lane| takes_part[lane] > 0.0) {
-                        means[c][MARGIN + x + lane] = mean[c][lane];
-                        variances[c][MARGIN + x + lane] = variance[c][lane];
-                    }
-                }
-            }
+            row_of_means(self, y, [mean.0, mean.1, mean.2], [variance.0, variance.1, variance.2]);
         });
         Ok(Means { mean, variance })
     }
@@ -83,6 +73,7 @@ impl FirstWindow<'_> {
     /// For the pixels from (x, y) to the right: the mean of the window, and its variance. The pixel itself is one of the window, with weight
     /// 1, so that no sum of weights of one that takes part is 0. What is added is the window's mean difference from the pixel's own light, so
     /// that equal light stays equal to the bit.
+    #[inline(always)]
     fn mean_of(&self, x: usize, y: usize) -> ([Lanes; 3], [Lanes; 3]) {
         let layout = self.guides.layout;
         let own = self.compared(layout.place(x, y));
@@ -90,26 +81,23 @@ impl FirstWindow<'_> {
         let (mut light, mut spread) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3]);
         for of_row in y.saturating_sub(RADIUS)..(y + RADIUS + 1).min(layout.height) {
             for column in 0..=2 * RADIUS {
-                let at = layout.place(x, of_row) + column - RADIUS;
-                let other = self.compared(at);
-                let weights = weights(&self.test, &own, &other, &lanes(&self.light.takes_part, at), true);
+                let other = self.compared(layout.place(x, of_row) + column - RADIUS);
                 for lane in 0..LANES {
-                    weight[lane] += weights[lane];
-                    squared_weight[lane] += weights[lane] * weights[lane];
-                }
-                for c in 0..3 {
-                    for lane in 0..LANES {
+                    let part = weight_of(&self.test, &own, &other, lane, true);
+                    weight[lane] += part;
+                    squared_weight[lane] += part * part;
+                    for c in 0..3 {
                         let d = other.mean[c][lane] - own.mean[c][lane];
-                        light[c][lane] += weights[lane] * d;
+                        light[c][lane] += part * d;
                         spread[c][lane] += match self.is_variance_known {
-                            true => weights[lane] * weights[lane] * other.variance[c][lane],
-                            false => weights[lane] * d * d,
+                            true => part * part * other.variance[c][lane],
+                            false => part * d * d,
                         };
                     }
                 }
             }
         }
-        let (mut mean, mut variance) = (own.mean, [[0.0; LANES]; 3]);
+        let (mut mean, mut variance) = (own.mean.map(|of| *of), [[0.0; LANES]; 3]);
         for c in 0..3 {
             for lane in 0..LANES {
                 let shift = light[c][lane] / weight[lane];
@@ -129,38 +117,40 @@ impl FirstWindow<'_> {
     }
 
     #[inline(always)]
-    fn compared(&self, at: usize) -> Compared {
-        compared(self.guides, &self.light.mean, &self.light.variance, at)
+    fn compared(&self, at: usize) -> Compared<'_> {
+        compared(self.guides, self.light, &self.light.mean, &self.light.variance, at)
+    }
+}
+
+/// One row of [`FirstWindow::means`].
+#[multiversion(targets("x86_64+avx2+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn row_of_means(window: &FirstWindow<'_>, y: usize, means: [&mut [f32]; 3], variances: [&mut [f32]; 3]) {
+    let layout = window.guides.layout;
+    for x in (0..layout.width).step_by(LANES) {
+        let takes_part = lanes(&window.light.takes_part, layout.place(x, y));
+        if *takes_part == [0.0; LANES] {
+            continue;
+        }
+        let (mean, variance) = window.mean_of(x, y);
+        for c in 0..3 {
+            for lane in (0..LANES).filter(|&lane| takes_part[lane] > 0.0) {
+                means[c][MARGIN + x + lane] = mean[c][lane];
+                variances[c][MARGIN + x + lane] = variance[c][lane];
+            }
+        }
     }
 }
 
 impl WideWindow<'_> {
     /// Replaces the colours of the pixels that take part.
     pub(super) fn fill(&self, pixels: &mut [[f32; 3]]) {
-        let layout = self.guides.layout;
-        pixels.par_chunks_mut(layout.width.max(1)).enumerate().for_each(|(y, row)| {
-            for (chunk, pixels) in row.chunks_mut(LANES).enumerate() {
-                let x = chunk * LANES;
-                let at = layout.place(x, y);
-                if lanes(&self.light.takes_part, at) == [0.0; LANES] {
-                    continue;
-                }
-                let shift = self.shift(x, y);
-                for (lane, pixel) in pixels.iter_mut().enumerate() {
-                    if self.light.takes_part[at + lane] > 0.0 {
-                        for c in 0..3 {
-                            let first = self.smooth.mean[c][at + lane] - self.light.mean[c][at + lane];
-                            let d = divisor(self.guides.albedo[c][at + lane]);
-                            pixel[c] += d * (first + shift[c][lane]);
-                        }
-                    }
-                }
-            }
-        });
+        let width = self.guides.layout.width.max(1);
+        pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| fill_row(self, y, row));
     }
 
     /// For the pixels from (x, y) to the right: the window's mean difference from the first window's mean.
     #[expect(clippy::needless_range_loop, reason = "lanes of several arrays side by side")]
+    #[inline(always)]
     fn shift(&self, x: usize, y: usize) -> [Lanes; 3] {
         let layout = self.guides.layout;
         let own = self.compared(layout.place(x, y));
@@ -168,15 +158,12 @@ impl WideWindow<'_> {
         let rows = (0..=2 * RADIUS).filter_map(|row| (y + row * WIDE_STEP).checked_sub(MARGIN));
         for of_row in rows.filter(|&row| row < layout.height) {
             for column in 0..=2 * RADIUS {
-                let at = layout.place(x, of_row) + column * WIDE_STEP - MARGIN;
-                let other = self.compared(at);
-                let weights = weights(&self.test, &own, &other, &lanes(&self.light.takes_part, at), false);
+                let other = self.compared(layout.place(x, of_row) + column * WIDE_STEP - MARGIN);
                 for lane in 0..LANES {
-                    weight[lane] += weights[lane];
-                }
-                for c in 0..3 {
-                    for lane in 0..LANES {
-                        light[c][lane] += weights[lane] * (other.mean[c][lane] - own.mean[c][lane]);
+                    let part = weight_of(&self.test, &own, &other, lane, false);
+                    weight[lane] += part;
+                    for c in 0..3 {
+                        light[c][lane] += part * (other.mean[c][lane] - own.mean[c][lane]);
                     }
                 }
             }
@@ -190,13 +177,42 @@ impl WideWindow<'_> {
     }
 
     #[inline(always)]
-    fn compared(&self, at: usize) -> Compared {
-        compared(self.guides, &self.smooth.mean, &self.smooth.variance, at)
+    fn compared(&self, at: usize) -> Compared<'_> {
+        compared(self.guides, self.light, &self.smooth.mean, &self.smooth.variance, at)
+    }
+}
+
+/// One row of [`WideWindow::fill`].
+#[multiversion(targets("x86_64+avx2+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn fill_row(window: &WideWindow<'_>, y: usize, row: &mut [[f32; 3]]) {
+    let layout = window.guides.layout;
+    for (chunk, pixels) in row.chunks_mut(LANES).enumerate() {
+        let x = chunk * LANES;
+        let at = layout.place(x, y);
+        if *lanes(&window.light.takes_part, at) == [0.0; LANES] {
+            continue;
+        }
+        let shift = window.shift(x, y);
+        for (lane, pixel) in pixels.iter_mut().enumerate() {
+            if window.light.takes_part[at + lane] > 0.0 {
+                for c in 0..3 {
+                    let first = window.smooth.mean[c][at + lane] - window.light.mean[c][at + lane];
+                    let d = divisor(window.guides.albedo[c][at + lane]);
+                    pixel[c] += d * (first + shift[c][lane]);
+                }
+            }
+        }
     }
 }
 
 #[inline(always)]
-fn compared(guides: &Guides, mean: &Triple, variance: &Triple, at: usize) -> Compared {
+fn compared<'a>(
+    guides: &'a Guides,
+    light: &'a Light,
+    mean: &'a Triple,
+    variance: &'a Triple,
+    at: usize,
+) -> Compared<'a> {
     Compared {
         mean: three_lanes(mean, at),
         variance: three_lanes(variance, at),
@@ -204,36 +220,23 @@ fn compared(guides: &Guides, mean: &Triple, variance: &Triple, at: usize) -> Com
         albedo: three_lanes(&guides.albedo, at),
         label: lanes(&guides.label, at),
         instance: lanes(&guides.instance, at),
+        takes_part: lanes(&light.takes_part, at),
     }
 }
 
-/// Weights of some pixels for others, as the module above says, with that for noise or without. Each inner loop is over lanes and has no
-/// branch, so that it becomes vector instructions.
-#[expect(clippy::needless_range_loop, reason = "lanes of several arrays side by side")]
+/// Weight of one of the pixels `q` for that of `p`, as the module above says, with that for noise or without. It has no branch.
 #[inline(always)]
-fn weights(test: &WelchTest, p: &Compared, q: &Compared, takes_part: &Lanes, for_noise: bool) -> Lanes {
-    let (mut normal, mut albedo, mut weights) = ([0.0; LANES], [0.0; LANES], *takes_part);
+fn weight_of(test: &WelchTest, p: &Compared<'_>, q: &Compared<'_>, lane: usize, for_noise: bool) -> f32 {
+    let (mut normal, mut albedo, mut weight) = (0.0, 0.0, q.takes_part[lane]);
     for c in 0..3 {
-        for lane in 0..LANES {
-            let d = q.normal[c][lane] - p.normal[c][lane];
-            normal[lane] += d * d;
-        }
-        for lane in 0..LANES {
-            let d = q.albedo[c][lane] - p.albedo[c][lane];
-            albedo[lane] += d * d;
-        }
-        for lane in 0..LANES {
-            let d = q.mean[c][lane] - p.mean[c][lane];
-            let weight = test.weight(d, p.variance[c][lane], q.variance[c][lane], for_noise);
-            weights[lane] = weights[lane].min(weight);
-        }
+        let d = q.normal[c][lane] - p.normal[c][lane];
+        normal += d * d;
+        let d = q.albedo[c][lane] - p.albedo[c][lane];
+        albedo += d * d;
+        let d = q.mean[c][lane] - p.mean[c][lane];
+        weight = weight.min(test.weight(d, p.variance[c][lane], q.variance[c][lane], for_noise));
     }
-    for lane in 0..LANES {
-        let is_of_label = (p.label[lane] == q.label[lane]) & (p.instance[lane] == q.instance[lane]);
-        weights[lane] = if is_of_label { weights[lane] } else { 0.0 };
-    }
-    for lane in 0..LANES {
-        weights[lane] *= likeness(normal[lane], albedo[lane]);
-    }
-    weights
+    let is_of_label = (p.label[lane] == q.label[lane]) & (p.instance[lane] == q.instance[lane]);
+    let weight = if is_of_label { weight } else { 0.0 };
+    weight * likeness(normal, albedo)
 }

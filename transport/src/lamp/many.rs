@@ -4,14 +4,15 @@
 //! results are the same, to the last bit, as those of the lamps themselves.
 
 use glam::{DVec3, Vec3};
+use multiversion::multiversion;
 
 use super::{HORIZON, LEAST_SQUARED_TO_LAMP, LampKind, ReadyLamp, Receiver};
 
 /// Lamps below this number are asked one after another.
 const MANY: usize = 8;
 
-/// Lamps that are computed together.
-const LANES: usize = 8;
+/// Lamps that are computed together: so many that compilers turn the loop over them into vector instructions before they unroll it.
+const LANES: usize = 16;
 
 /// The numbers of some lamps; lanes without a lamp are like lamps without light.
 #[derive(Clone, Debug, Default)]
@@ -24,9 +25,9 @@ struct Block {
     /// Squared radius of a ball around the whole lamp.
     reach_squared: [f32; LANES],
     /// Lamps that are no balls: bit i for lane i.
-    flat: u8,
+    flat: u16,
     /// Lanes that have a lamp.
-    used: u8,
+    used: u16,
 }
 
 /// Many lamps (see the module), in blocks.
@@ -63,7 +64,7 @@ impl ManyLamps {
                 }
                 (block.radius[i], block.intensity[i]) = (u, lamp.intensity);
                 block.reach_squared[i] = if is_flat { u * u + v * v } else { u * u };
-                block.flat |= u8::from(is_flat) << i;
+                block.flat |= u16::from(is_flat) << i;
                 block.used |= 1 << i;
             }
             block
@@ -88,7 +89,7 @@ impl ManyLamps {
         let far = f64::from(self.size_squared) + (from.point - self.middle).length_squared();
         let is_in_range = far < MOST_SQUARED;
         self.blocks.iter().zip((0..).step_by(LANES)).map(move |(block, first)| {
-            let mut irradiances = block.irradiances_at(from);
+            let mut irradiances = irradiances_of(block, from);
             let mut alone = if is_in_range { block.flat } else { block.used };
             while alone != 0 {
                 let i = alone.trailing_zeros() as usize;
@@ -106,7 +107,7 @@ impl ManyLamps {
         let from = (from - self.middle).as_vec3();
         let slack = (self.size_squared + from.length_squared()) * ROUNDINGS;
         for (block, first) in self.blocks.iter().zip((0..).step_by(LANES)) {
-            let mut near = block.near(from, direction, slack) & block.used;
+            let mut near = near_a_ray(block, from, direction, slack) & block.used;
             while near != 0 {
                 visit(first + near.trailing_zeros() as usize);
                 near &= near - 1;
@@ -115,50 +116,49 @@ impl ManyLamps {
     }
 }
 
-impl Block {
-    /// [`ReadyLamp::irradiance_at`] of balls.
-    #[inline]
-    fn irradiances_at(&self, from: &Receiver) -> [f32; LANES] {
-        let ([x, y, z], n) = (&self.position, from.normal);
-        let mut irradiances = [0.0; LANES];
-        for i in 0..LANES {
-            let [x, y, z] = [x[i] - from.point.x, y[i] - from.point.y, z[i] - from.point.z].map(|w| w as f32);
-            let radius = self.radius[i];
-            let squared = x * x + y * y + z * z;
-            let squared = greater(greater(squared, radius * radius), LEAST_SQUARED_TO_LAMP);
-            let distance = squared.sqrt();
-            let along = x * n.x + y * n.y + z * n.z;
-            let cos = (along + radius) / distance + HORIZON;
-            let cos = if cos > 0.0 { cos } else { 0.0 };
-            let cos = if cos < 1.0 { cos } else { 1.0 };
-            let all_around = self.intensity[i] * (1.0 / squared);
-            irradiances[i] = if from.both_sides { all_around } else { all_around * cos };
-        }
-        irradiances
+/// [`ReadyLamp::irradiance_at`] of balls.
+#[multiversion(targets("x86_64+avx2+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn irradiances_of(block: &Block, from: &Receiver) -> [f32; LANES] {
+    let ([x, y, z], n) = (&block.position, from.normal);
+    let mut irradiances = [0.0; LANES];
+    for i in 0..LANES {
+        let (x, y, z) = (x[i] - from.point.x, y[i] - from.point.y, z[i] - from.point.z);
+        let (x, y, z) = (x as f32, y as f32, z as f32);
+        let radius = block.radius[i];
+        let squared = x * x + y * y + z * z;
+        let squared = greater(greater(squared, radius * radius), LEAST_SQUARED_TO_LAMP);
+        let distance = squared.sqrt();
+        let along = x * n.x + y * n.y + z * n.z;
+        let cos = (along + radius) / distance + HORIZON;
+        let cos = if cos > 0.0 { cos } else { 0.0 };
+        let cos = if cos < 1.0 { cos } else { 1.0 };
+        let all_around = block.intensity[i] * (1.0 / squared);
+        irradiances[i] = if from.both_sides { all_around } else { all_around * cos };
     }
+    irradiances
+}
 
-    /// The lamps that come as near to a ray as their reach, or may: bit i for lane i. The ray starts at a point from the middle of all
-    /// lamps; `slack` bounds the rounding errors of squared distances.
-    #[inline]
-    fn near(&self, from: Vec3, direction: Vec3, slack: f32) -> u8 {
-        let ([x, y, z], d) = (&self.from_middle, direction);
-        let mut is_near = [false; LANES];
-        for i in 0..LANES {
-            let (x, y, z) = (x[i] - from.x, y[i] - from.y, z[i] - from.z);
-            let squared = x * x + y * y + z * z;
-            let along = x * d.x + y * d.y + z * d.z;
-            let far = self.reach_squared[i] + (self.reach_squared[i] * ROUNDINGS + slack);
-            // The squared distance from the whole line; behind the start, that from the start. (Where numbers overflow, all are near.)
-            let beside = squared - if along > 0.0 { along * along } else { 0.0 };
-            let is_far = beside > far;
-            is_near[i] = !is_far;
-        }
-        // (Mostly there are none.)
-        if is_near == [false; LANES] {
-            return 0;
-        }
-        (0..LANES).map(|i| u8::from(is_near[i]) << i).sum()
+/// The lamps that come as near to a ray as their reach, or may: bit i for lane i. The ray starts at a point from the middle of all
+/// lamps; `slack` bounds the rounding errors of squared distances.
+#[multiversion(targets("x86_64+avx2+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn near_a_ray(block: &Block, from: Vec3, direction: Vec3, slack: f32) -> u16 {
+    let ([x, y, z], d) = (&block.from_middle, direction);
+    let mut is_near = [false; LANES];
+    for i in 0..LANES {
+        let (x, y, z) = (x[i] - from.x, y[i] - from.y, z[i] - from.z);
+        let squared = x * x + y * y + z * z;
+        let along = x * d.x + y * d.y + z * d.z;
+        let far = block.reach_squared[i] + (block.reach_squared[i] * ROUNDINGS + slack);
+        // The squared distance from the whole line; behind the start, that from the start. (Where numbers overflow, all are near.)
+        let beside = squared - if along > 0.0 { along * along } else { 0.0 };
+        let is_far = beside > far;
+        is_near[i] = !is_far;
     }
+    // (Mostly there are none.)
+    if is_near == [false; LANES] {
+        return 0;
+    }
+    (0..LANES).map(|i| u16::from(is_near[i]) << i).sum()
 }
 
 /// The greater of two numbers that are not NaN: one instruction.
