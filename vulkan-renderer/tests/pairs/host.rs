@@ -76,6 +76,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("cpu-renderer/src/traverse/f64x4.rs", WIDE),
     ("cpu-renderer/src/traverse/avx.rs", WIDE),
     ("transport/src/lamp/many.rs", WIDE),
+    ("transport/src/cdf_guide.rs", "where the search of a cdf begins; a shader halves the whole cdf"),
     ("cpu-renderer/src/traverse/volume_tracer/making.rs", READY),
     ("transport/src/geometry/mesh_grid.rs", "corners and bounds: prepared before a ray is traced"),
     ("transport/src/scene_lights.rs", "lights are prepared before a ray is traced"),
@@ -116,10 +117,11 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("transport/src/scene_plan.rs", "which parts an edit rebuilds, decided before anything is built"),
     ("picture/src/view_transform.rs", "display colours of a finished picture"),
     ("picture/src/denoise/denoiser.rs", "the filter's name in files"),
-    ("picture/src/denoise/planes.rs", "several pixels side by side for SIMD; a shader has one"),
+    ("picture/src/denoise/planes.rs", SIDE_BY_SIDE),
     ("picture/src/denoise/tests.rs", "tests of the filter"),
 ];
 
+const SIDE_BY_SIDE: &str = "several pixels side by side for SIMD; a shader has one";
 const WIDE: &str = "the same operations with the SIMD instructions of a kind of CPU";
 const MASKS: &str =
     "a mask of all parts that a ray passes through; on a device a ray steps from part to part";
@@ -523,6 +525,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "picture/src/denoise/mod.rs",
         &[("denoised", "launches the steps; vulkan-renderer/src/denoise.rs on a device")],
     ),
+    ("picture/src/denoise/windows.rs", &[("row_of_means", SIDE_BY_SIDE), ("fill_row", SIDE_BY_SIDE)]),
     (
         "picture/src/denoise/guides.rs",
         &[("Guides::fit", "which picture the guides are of: checked by the host")],
@@ -683,6 +686,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         ],
     ),
     ("transport/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
+    ("picture/src/denoise/windows.rs", &[("weight_of", "weights")]),
     ("transport/src/material_table.rs", &[("MaterialTable::material", "material_of")]),
     (
         "cpu-renderer/src/path.rs",
