@@ -4,12 +4,12 @@
 use pumice_core::NoMemory;
 use pumice_core::reserve::reserved;
 
-/// A guide to several cdfs, each of as many entries.
+/// A guide to several cdfs of about the same length.
 #[derive(Clone, Debug)]
 pub(crate) struct CdfGuide {
     /// Parts of [0, 1], all alike: a power of two, so that products with it are exact.
     parts: usize,
-    /// Of each cdf the number of entries at or below the start of each part, and below the end of the last.
+    /// Of each cdf the number of entries at or below the start of each part, and at or below the end of the last.
     starts: Vec<u32>,
 }
 

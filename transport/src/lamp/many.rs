@@ -11,7 +11,7 @@ use super::{HORIZON, LEAST_SQUARED_TO_LAMP, LampKind, ReadyLamp, Receiver};
 /// Lamps below this number are asked one after another.
 const MANY: usize = 8;
 
-/// Lamps that are computed together: so many that compilers turn the loop over them into vector instructions before they unroll it.
+/// Lamps that are computed together. With eight, compilers unroll the loop over them first, and then find few vector instructions.
 const LANES: usize = 16;
 
 /// The numbers of some lamps; lanes without a lamp are like lamps without light.
