@@ -8,8 +8,9 @@ use std::sync::Arc;
 
 use clap::Parser;
 use pumice_bench::{Bench, BenchError, Outcome};
-use pumice_core::Job;
 use pumice_core::error::one_line;
+use pumice_core::{Job, end_process};
+use pumice_session::exit_code;
 
 /// Measure, and print a table
 #[derive(Debug, Parser)]
@@ -26,23 +27,23 @@ fn main() -> ExitCode {
     let watched = job.clone();
     let handler = ctrlc::set_handler(move || {
         if watched.is_cancelled() {
-            std::process::exit(2);
+            end_process(2);
         }
         watched.cancel();
     });
     if let Err(error) = handler {
-        return refused(format_args!("Ctrl-C cannot be handled here: {error}"));
+        return ExitCode::from(refused(format_args!("Ctrl-C cannot be handled here: {error}")));
     }
-    match cli.bench.run(&job, &mut io::stdout()) {
-        Ok(Outcome::Holds) => ExitCode::SUCCESS,
-        Ok(Outcome::Missed) => ExitCode::from(1),
-        Err(BenchError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => ExitCode::SUCCESS,
+    exit_code(match cli.bench.run(&job, &mut io::stdout()) {
+        Ok(Outcome::Holds) => 0,
+        Ok(Outcome::Missed) => 1,
+        Err(BenchError::Output(e)) if e.kind() == io::ErrorKind::BrokenPipe => 0,
         Err(error) => refused(error),
-    }
+    })
 }
 
 /// Says on standard error, in one line, why the bench ends; the exit code. (Where standard error takes no line, the code alone tells.)
-fn refused(why: impl Display) -> ExitCode {
+fn refused(why: impl Display) -> u8 {
     let _ = writeln!(io::stderr(), "pumice-bench: {}", one_line(&why.to_string()));
-    ExitCode::from(2)
+    2
 }

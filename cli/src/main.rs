@@ -10,10 +10,10 @@ mod progress;
 
 use std::process::ExitCode;
 use std::sync::Arc;
-use std::time::Duration;
 
 use clap::Parser;
-use pumice_session::{Job, finish_compiling, with_threads};
+use pumice_core::end_process;
+use pumice_session::{Job, exit_code, with_threads};
 
 use crate::args::{Cli, Command};
 use crate::failure::{Failure, check_warnings, warn};
@@ -28,7 +28,7 @@ pub(crate) enum Answer {
 fn main() -> ExitCode {
     let cli = match Cli::try_parse() {
         Ok(cli) => cli,
-        Err(error) => return usage(&error),
+        Err(error) => return ExitCode::from(usage(&error)),
     };
 
     // Ctrl-C cancels the job, which removes its temporary files; the command then ends with one line. A second Ctrl-C exits at once.
@@ -36,12 +36,12 @@ fn main() -> ExitCode {
     let watched = job.clone();
     let handler = ctrlc::set_handler(move || {
         if watched.is_cancelled() {
-            std::process::exit(2);
+            end_process(2);
         }
         watched.cancel();
     });
     if let Err(error) = handler {
-        return bad(&format_args!("Ctrl-C cannot be handled here: {error}"));
+        return ExitCode::from(bad(&format_args!("Ctrl-C cannot be handled here: {error}")));
     }
 
     let run = || match cli.command {
@@ -61,26 +61,24 @@ fn main() -> ExitCode {
         Command::Bench(a) => commands::bench::run(&a, &job),
     };
     let outcome = with_threads(run).unwrap_or_else(|e| Err(e.into()));
-    // After Ctrl-C a driver may still compile.
-    finish_compiling(Duration::ZERO);
-    match outcome {
+    exit_code(match outcome {
         Ok(Answer::Yes) | Err(Failure::StdoutClosed) => match check_warnings() {
-            Ok(()) => ExitCode::SUCCESS,
+            Ok(()) => 0,
             Err(lost) => bad(&lost),
         },
-        Ok(Answer::No) => ExitCode::from(1),
+        Ok(Answer::No) => 1,
         Err(failure @ Failure::Bad(_)) => bad(&failure),
-    }
+    })
 }
 
-/// Says why the command stops. Where standard error is closed too, the exit code alone says that it does.
-fn bad(why: &dyn std::fmt::Display) -> ExitCode {
+/// Says why the command stops; the exit code. Where standard error is closed too, the exit code alone says that it does.
+fn bad(why: &dyn std::fmt::Display) -> u8 {
     let _ = warn(why);
-    ExitCode::from(2)
+    2
 }
 
 /// Help and version go to standard output with exit code 0; bad usage is one line on standard error with exit code 2.
-fn usage(error: &clap::Error) -> ExitCode {
+fn usage(error: &clap::Error) -> u8 {
     use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
     match error.kind() {
         DisplayHelp | DisplayVersion => {
@@ -89,12 +87,12 @@ fn usage(error: &clap::Error) -> ExitCode {
                 Err(e) if e.kind() != std::io::ErrorKind::BrokenPipe => {
                     bad(&format_args!("standard output: {e}"))
                 }
-                _ => ExitCode::SUCCESS,
+                _ => 0,
             }
         }
         DisplayHelpOnMissingArgumentOrSubcommand => {
             let _ = error.print();
-            ExitCode::from(2)
+            2
         }
         _ => {
             let text = error.to_string();

@@ -25,6 +25,7 @@ pub mod content_hash;
 mod counted_fields;
 mod decode;
 pub mod elements;
+mod end_process;
 pub mod error;
 pub mod file;
 mod find_contacts;
@@ -77,6 +78,7 @@ pub use compress::{
 pub use compress_series::{SeriesSource, compress_series_parts, compress_series_to_file};
 pub use contacts::Contacts;
 pub use elements::Elements;
+pub use end_process::end_process;
 pub use error::{Error, Result};
 pub use file::{
     CompressionLevel, PartInfo, PartSource, Series, WrittenVolume, frames_in_file, merge_into_part,

@@ -8,6 +8,7 @@ pub mod cycles;
 pub mod decompress_file;
 pub mod denoise;
 pub mod error;
+mod exit_code;
 pub mod export_file;
 pub mod figure;
 pub mod file_info;
@@ -45,6 +46,7 @@ pub use compress_file::{
 pub use decompress_file::{StoreName, WriteAs, decompress_file, write_labels_of};
 pub use denoise::{DenoiserName, Filter, Oidn};
 pub use error::SessionError;
+pub use exit_code::exit_code;
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info, shown_info};
 pub use label_files::{

@@ -174,6 +174,20 @@ def test_every_call_is_checked(pumice):
         assert ("VUID-VkInstanceCreateInfo-sType" in done.stdout) == (code != 0), done
 
 
+def aborts_at_a_normal_end(folder):
+    """A library that aborts the process that has loaded it when that ends as processes do, by `exit`."""
+    source, library = folder / "end.c", folder / "end.so"
+    source.write_text("#include <stdlib.h>\n__attribute__((destructor)) static void end(void) { abort(); }\n")
+    subprocess.run(["cc", "-shared", "-fPIC", "-o", library, source], check=True)
+    return library
+
+
+def test_a_normal_end_is_seen(pumice, tmp_path):
+    """The control of the test below."""
+    env = {"LD_PRELOAD": str(aborts_at_a_normal_end(tmp_path))}
+    assert run(pumice, "--version", env=env, meanwhile=lambda process: None).code == -signal.SIGABRT
+
+
 def test_an_interrupt_does_not_wait_for_a_compiler(pumice, volume, tmp_path):
     """Nor does it count against the backend that its driver was still compiling."""
     seen = []
@@ -186,6 +200,8 @@ def test_an_interrupt_does_not_wait_for_a_compiler(pumice, volume, tmp_path):
 
     command = ["render", volume, "--size", "64x48", "--spp", "1", "--backend", "vulkan-compute", "-o", tmp_path / "no.exr"]
     env = {"PUMICE_CACHE": str(tmp_path / "cache"), "MESA_SHADER_CACHE_DISABLE": "true"}
+    # At a normal end the driver would take memory away that its compiler uses; here any normal end is seen.
+    env["LD_PRELOAD"] = str(aborts_at_a_normal_end(tmp_path))
     run(pumice, *command, env=env, meanwhile=interrupt).cancelled()
     # What a driver has compiled is kept, so it has not.
     assert not list(tmp_path.rglob("*.pipelines")) and not list(tmp_path.rglob("*.unfinished"))

@@ -204,7 +204,7 @@ impl Drop for UnderWay {
 }
 
 /// Waits until all compilations of the process have ended, at most so long; returns whether they have. To be called before the process ends, which
-/// is then not taken for one that its compilers ended.
+/// is then not taken for one that its compilers ended. Where some have not, a normal end may crash.
 pub fn finish_compiling(most: Duration) -> bool {
     let end = Instant::now() + most;
     let mut count = count();
