@@ -1,5 +1,6 @@
 //! Tests of the filter on pictures whose noise is drawn here, so that mean and variance are known.
 
+use super::guides::likeness;
 use super::planes::MARGIN;
 use super::*;
 use crate::picture::Picture;
@@ -180,6 +181,51 @@ fn variance_of_the_first_window_is_that_of_its_means() {
         }
         assert!(ratio.contains(&(sum / n / expected)), "{known}: {} of {expected}", sum / n);
     }
+}
+
+/// Where no variance is known: the mean of a window in which surfaces differ, and its variance, from sums in f64 of two passes. With
+/// weights w, mean m and n = (Σw)²/Σw² pixels of equal weight, the variance is Σw(v − m)²/Σw / (n − 1).
+#[test]
+fn a_variance_from_differences_is_that_of_a_weighted_mean() {
+    let truth = Truth { label: &|_, _| 1, light: &|_, _| 2.0, deviation: 0.4 };
+    let mut random = Random(5);
+    let mut surfaces = truth.surfaces();
+    let tilted = |x: f32| [x, 0.0, (1.0 - x * x).sqrt()];
+    let normals = (0..PIXELS).map(|_| tilted(2.0 * random.uniform() - 1.0)).collect::<Vec<_>>();
+    surfaces.normal = Some(Image::new(SIDE, SIDE, normals.clone()));
+    let guides = Guides::of(&surfaces).unwrap().unwrap();
+    let (mean, _) = truth.drawn(11);
+    let light = Light::of(&mean, None, &guides).unwrap();
+    let window =
+        FirstWindow { guides: &guides, light: &light, test: WelchTest::of(None), is_variance_known: false };
+    let means = window.means().unwrap();
+    let (mut least, mut most) = (f64::MAX, 0.0f64);
+    for (x, y) in (0..PIXELS).map(|i| (i % SIDE, i / SIDE)).filter(|&(x, y)| inside(x, y)) {
+        for c in 0..3 {
+            let d = f64::from(divisor([0.5, 0.25, 0.75][c]));
+            let rows = y - RADIUS..=y + RADIUS;
+            let places = rows.flat_map(|v| (x - RADIUS..=x + RADIUS).map(move |u| v * SIDE + u));
+            let own = normals[y * SIDE + x];
+            let weighted = places.map(|i| {
+                let squared = (0..3).map(|k| (normals[i][k] - own[k]).powi(2)).sum::<f32>();
+                (f64::from(likeness(squared, 0.0)), f64::from(mean.pixels[i][c]) / d)
+            });
+            let weighted = weighted.collect::<Vec<_>>();
+            let sum = |of: &dyn Fn(f64, f64) -> f64| weighted.iter().map(|&(w, v)| of(w, v)).sum::<f64>();
+            let all = sum(&|w, _| w);
+            let m = sum(&|w, v| w * v) / all;
+            let count = all * all / sum(&|w, _| w * w);
+            let variance = sum(&|w, v| w * (v - m).powi(2)) / all / (count - 1.0);
+            (least, most) = (least.min(count), most.max(count));
+            let at = guides.layout.place(x, y);
+            // 25 sums of floats, each within 2⁻²⁴ of a value of order 1, the spread around the pixel's own light up to some ten times the
+            // variance.
+            assert!((f64::from(means.mean[c][at]) / m - 1.0).abs() < 1e-5, "{x} {y} {c}");
+            assert!((f64::from(means.variance[c][at]) / variance - 1.0).abs() < 1e-4, "{x} {y} {c}");
+        }
+    }
+    // Weights differ, so that the sum of their squares is not the sum of them.
+    assert!(least < 20.0 && most > least + 2.0, "{least} {most}");
 }
 
 /// One sample a pixel, of which one in twenty found a bright light: what the wide window makes of the first one's means has as much light.
