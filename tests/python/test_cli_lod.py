@@ -13,7 +13,7 @@ LEVELS = ["voxels", "by distance", "cells of 4³", "boxes of 16³"]
 def measured(pumice, data, tmp_path_factory):
     """Output folder and CSV rows of a small run of the bench."""
     out = tmp_path_factory.mktemp("lod") / "made" / "here"
-    args = ["--pick", 8, "--size", "48x32,320x213", "--spp", "1,4", "--repeats", 1, "--reference-spp", 64, "--out", out]
+    args = ["--pick", 8, "--size", "48x32,160x107", "--spp", "1,4", "--repeats", 1, "--reference-spp", 64, "--out", out]
     said = run(pumice, "bench", "lod", data / "platynereis_nuclei.tif", *args).fine()
     assert str(out / "lod.md") in said
     with (out / "lod.csv").open() as file:
@@ -22,18 +22,18 @@ def measured(pumice, data, tmp_path_factory):
 
 def test_each_level_size_and_number_of_samples_has_its_row(measured):
     out, rows = measured
-    expected = [(w, level, n) for w in ("48", "320") for level in LEVELS for n in ("1", "4")]
+    expected = [(w, level, n) for w in ("48", "160") for level in LEVELS for n in ("1", "4")]
     assert [(r["width"], r["level"], r["samples"]) for r in rows] == expected
     assert all(r["labels"] == "8" and float(r["frame_cpu_s"]) > 0 and int(r["bytes_held"]) > 0 for r in rows)
     page = (out / "lod.md").read_text()
-    for size in ("48x32", "320x213"):
+    for size in ("48x32", "160x107"):
         svg = f"lod_platynereis_nuclei_{size}.svg"
         assert svg in page and (out / svg).read_text().startswith("<svg")
 
 
 def test_coarser_levels_are_farther_from_the_picture(measured):
     _, rows = measured
-    for width in ("48", "320"):
+    for width in ("48", "160"):
         own = {r["level"]: r for r in rows if r["width"] == width}
         assert own["voxels"]["own_relmse"] == "", "the reference has no error against itself"
         cells, boxes = (float(own[level]["own_relmse"]) for level in LEVELS[2:])
@@ -45,7 +45,7 @@ def test_coarser_levels_are_farther_from_the_picture(measured):
 
 def test_a_coarser_level_touches_no_more_of_the_file(measured):
     _, rows = measured
-    for width in ("48", "320"):
+    for width in ("48", "160"):
         told = {r["level"]: r["bytes_touched"] for r in rows if r["width"] == width}
         if not sys.platform.startswith("linux"):
             assert set(told.values()) == {""}, "only Linux reports resident bytes of a file"

@@ -64,11 +64,15 @@ pub fn color_labels(
     for sweep in 0..SWEEPS {
         let mut changes = 0;
         for &label in &order {
-            let (alike, nearest) = weigh(neighbors.of(label), &entry, &distance);
             let old = entry[label as usize].map(usize::from);
-            if sweep > 0 && old.is_none_or(|o| alike[o] == 0) {
+            let is_alike = |mine: usize| {
+                let theirs = neighbors.of(label).iter().filter_map(|&n| entry[n as usize]);
+                theirs.map(usize::from).any(|theirs| distance[theirs][mine] < CLOSE)
+            };
+            if sweep > 0 && !old.is_some_and(is_alike) {
                 continue;
             }
+            let (alike, nearest) = weigh(neighbors.of(label), &entry, &distance);
             if let Some(old) = old {
                 uses[old] -= 1;
             }
