@@ -293,6 +293,28 @@ mod tests {
         assert!(alike(&hashed, &pairs) > 0.05, "{}", alike(&hashed, &pairs));
     }
 
+    /// Each of 400 labels touches some 60 others, more than the palette has colours, so that the first sweep leaves many labels with more
+    /// alike neighbours than another colour would have.
+    #[test]
+    fn later_sweeps_leave_no_label_that_another_colour_suits_better() {
+        let (labels, mut state) = (400, 3);
+        let pairs: Vec<(u32, u32)> = (0..labels * 30)
+            .map(|_| [(); 2].map(|()| (random(&mut state) % labels) as u32).into())
+            .filter(|(a, b)| a != b)
+            .collect();
+        let palette = palette();
+        let entry = color_labels(labels as usize, pairs.iter().copied(), None);
+        let mut around = vec![Vec::new(); labels as usize];
+        for &(a, b) in &pairs {
+            around[a as usize].push(palette[usize::from(entry[b as usize])]);
+            around[b as usize].push(palette[usize::from(entry[a as usize])]);
+        }
+        for (own, around) in entry.into_iter().zip(around) {
+            let alike = palette.map(|mine| around.iter().filter(|&&c| least_delta_e(mine, c) < 10.0).count());
+            assert_eq!(Some(&alike[usize::from(own)]), alike.iter().min());
+        }
+    }
+
     #[test]
     fn hidden_labels_leave_their_colours_to_others() {
         let (labels, pairs) = packed(12);
