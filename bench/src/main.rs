@@ -8,9 +8,9 @@ use std::sync::Arc;
 
 use clap::Parser;
 use pumice_bench::{Bench, BenchError, Outcome};
+use pumice_core::Job;
 use pumice_core::error::one_line;
-use pumice_core::{Job, end_process};
-use pumice_session::exit_code;
+use pumice_session::{exit_code, interrupt};
 
 /// Measure, and print a table
 #[derive(Debug, Parser)]
@@ -22,15 +22,9 @@ struct Cli {
 
 fn main() -> ExitCode {
     let cli = Cli::parse();
-    // The first Ctrl-C cancels the job, which cleans up; a second one exits at once.
     let job = Arc::new(Job::new());
     let watched = job.clone();
-    let handler = ctrlc::set_handler(move || {
-        if watched.is_cancelled() {
-            end_process(2);
-        }
-        watched.cancel();
-    });
+    let handler = ctrlc::set_handler(move || interrupt(&watched));
     if let Err(error) = handler {
         return ExitCode::from(refused(format_args!("Ctrl-C cannot be handled here: {error}")));
     }

@@ -12,8 +12,7 @@ use std::process::ExitCode;
 use std::sync::Arc;
 
 use clap::Parser;
-use pumice_core::end_process;
-use pumice_session::{Job, exit_code, with_threads};
+use pumice_session::{Job, exit_code, interrupt, with_threads};
 
 use crate::args::{Cli, Command};
 use crate::failure::{Failure, check_warnings, warn};
@@ -31,15 +30,10 @@ fn main() -> ExitCode {
         Err(error) => return ExitCode::from(usage(&error)),
     };
 
-    // Ctrl-C cancels the job, which removes its temporary files; the command then ends with one line. A second Ctrl-C exits at once.
+    // A cancelled command ends with one line.
     let job = Arc::new(Job::new());
     let watched = job.clone();
-    let handler = ctrlc::set_handler(move || {
-        if watched.is_cancelled() {
-            end_process(2);
-        }
-        watched.cancel();
-    });
+    let handler = ctrlc::set_handler(move || interrupt(&watched));
     if let Err(error) = handler {
         return ExitCode::from(bad(&format_args!("Ctrl-C cannot be handled here: {error}")));
     }

@@ -4,7 +4,8 @@ use std::io::Write;
 use std::process::ExitCode;
 use std::time::Duration;
 
-use pumice_core::end_process;
+use pumice_core::{Job, end_process};
+use pumice_vulkan::device::abandon_compiling;
 use pumice_vulkan::finish_compiling;
 
 /// What `main` returns at its end. Where a driver still compiles, as after Ctrl-C, the process ends here: at a normal end the driver would free
@@ -16,4 +17,13 @@ pub fn exit_code(code: u8) -> ExitCode {
     // Whoever printed has looked for errors.
     let _ = std::io::stdout().flush();
     end_process(code)
+}
+
+/// What Ctrl-C does: the first one cancels `job`, which removes its temporary files; the second one ends the process at once with exit code 2.
+pub fn interrupt(job: &Job) {
+    if job.is_cancelled() {
+        abandon_compiling();
+        end_process(2);
+    }
+    job.cancel();
 }

@@ -46,7 +46,7 @@ pub use compress_file::{
 pub use decompress_file::{StoreName, WriteAs, decompress_file, write_labels_of};
 pub use denoise::{DenoiserName, Filter, Oidn};
 pub use error::SessionError;
-pub use exit_code::exit_code;
+pub use exit_code::{exit_code, interrupt};
 pub use export_file::{ExportRequest, Exported, export_file};
 pub use file_info::{FileInfo, file_info, shown_info};
 pub use label_files::{

@@ -14,7 +14,7 @@ use std::time::{Duration, Instant};
 use pumice_core::Job;
 use pumice_transport::RenderError;
 
-use crate::device::{DeviceError, Gpu, unmark_own};
+use crate::device::{DeviceError, Gpu, abandon_compiling};
 use crate::program::Program;
 use crate::scene::UploadError;
 use crate::shaders::{Entry, program};
@@ -210,7 +210,7 @@ pub fn finish_compiling(most: Duration) -> bool {
     let mut count = count();
     while count.under_way > 0 && count.process == std::process::id() {
         let Some(time) = end.checked_duration_since(Instant::now()).filter(|time| !time.is_zero()) else {
-            unmark_own();
+            abandon_compiling();
             return false;
         };
         count = ENDED.wait_timeout(count, time).unwrap_or_else(PoisonError::into_inner).0;

@@ -48,5 +48,4 @@ pub use instance::{Instance, InstanceOptions};
 pub use messages::Messages;
 pub use ray_pipeline::{RayPipeline, RayShaders};
 pub use survey::{Candidate, DeviceKind, survey};
-pub(crate) use unfinished::unmark_own;
-pub use unfinished::{Unfinished, unfinished};
+pub use unfinished::{Unfinished, abandon_compiling, unfinished};

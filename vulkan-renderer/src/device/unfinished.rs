@@ -73,8 +73,9 @@ fn own() -> MutexGuard<'static, Own> {
     OWN.lock().unwrap_or_else(PoisonError::into_inner)
 }
 
-/// Removes the marks of compilations in progress, for good: the process ends by itself, and not by them.
-pub(crate) fn unmark_own() {
+/// Removes the marks of compilations in progress, for good. To be called before the process ends by itself, so that it is not taken for one that
+/// they ended.
+pub fn abandon_compiling() {
     let mut own = own();
     own.ending = true;
     for path in own.paths.drain(..) {
@@ -101,14 +102,12 @@ impl Compiling {
             let unnamed = path.with_extension("tmp");
             let file = File::create(&unnamed)?;
             let locked = file.try_lock().map_err(std::io::Error::from);
-            if let Err(e) = locked.and_then(|()| std::fs::rename(&unnamed, &path)) {
+            // Whoever abandons the compilations meanwhile waits until the mark is among them.
+            let mut own = own();
+            let ending = || if own.ending { Err(std::io::ErrorKind::Interrupted.into()) } else { Ok(()) };
+            if let Err(e) = locked.and_then(|()| ending()).and_then(|()| std::fs::rename(&unnamed, &path)) {
                 let _ = std::fs::remove_file(&unnamed);
                 return Err(e);
-            }
-            let mut own = own();
-            if own.ending {
-                let _ = std::fs::remove_file(&path);
-                return Err(std::io::ErrorKind::Interrupted.into());
             }
             own.paths.push(path.clone());
             Ok((path, file))
