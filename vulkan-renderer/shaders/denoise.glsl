@@ -11,7 +11,7 @@
 #include "moments.glsl"
 
 const int RADIUS = 2;
-const int WIDE_STEP = 3;
+const float OVERLAP = 2.6896;
 const float FEWEST = 1.5;
 const float ALBEDO_FLOOR = 0.01;
 const float NORMAL = 4.0;
@@ -19,6 +19,7 @@ const float ALBEDO = 0.01;
 const float MOST_LIGHT = 1e18;
 const float UNKNOWN = 1e18;
 const float LEAST = 1e-30;
+const float NOISIER = 8.0;
 
 // The largest finite float.
 const uint MOST_FINITE_BITS = 0x7F7FFFFFu;
@@ -33,7 +34,7 @@ struct Compared {
     uint instance;
 };
 
-// Mean of the first window, and the variance of that mean.
+// Mean of a window, and the variance of that mean.
 struct Mean {
     vec3 mean;
     vec3 variance;
@@ -60,8 +61,12 @@ Guide guide_at(Denoise picture, uint64_t pixel) {
     return Guides(picture.guides + pixel * 36UL).at[0];
 }
 
-PixelLight light_at(Denoise picture, uint64_t pixel) {
-    return PixelLights(picture.light + pixel * 16UL).at[0];
+PixelLights light_at(Denoise picture, uint64_t pixel) {
+    return PixelLights(picture.light + pixel * 16UL);
+}
+
+bool takes_part(Denoise picture, uint64_t pixel) {
+    return light_at(picture, pixel).at[0].takes_part != 0u;
 }
 
 // What light is divided by.
@@ -106,14 +111,14 @@ void light_of(Denoise picture, uint64_t pixel) {
     Guide guide = guide_at(picture, pixel);
     Floats image = channels_of(picture.image, pixel);
     Floats variance = channels_of(picture.variance, pixel);
-    bool takes_part = guide.is_surface != 0u;
+    bool is_part = guide.is_surface != 0u;
     for (uint c = 0u; c < 3u; c++) {
-        takes_part = takes_part && is_at_most(image.at[c], floatBitsToUint(MOST_LIGHT));
+        is_part = is_part && is_at_most(image.at[c], floatBitsToUint(MOST_LIGHT));
     }
-    PixelLight light = PixelLight(float[3](0.0, 0.0, 0.0), takes_part ? 1u : 0u);
+    PixelLight light = PixelLight(float[3](0.0, 0.0, 0.0), is_part ? 1u : 0u);
     for (uint c = 0u; c < 3u; c++) {
         precise float own = UNKNOWN;
-        if (takes_part) {
+        if (is_part) {
             precise float d = divisor(guide.albedo[c]);
             precise float mean = image.at[c] / d;
             light.mean[c] = mean;
@@ -126,13 +131,13 @@ void light_of(Denoise picture, uint64_t pixel) {
         }
         variance.at[c] = own;
     }
-    PixelLights(picture.light + pixel * 16UL).at[0] = light;
+    light_at(picture, pixel).at[0] = light;
 }
 
 // The greater of a pixel's own variance and the mean of those that are known of its label among the 3 × 3 pixels around it.
 void pooled(Denoise picture, uvec2 at) {
     uint64_t pixel = pixel_number(picture.width, at);
-    if (light_at(picture, pixel).takes_part == 0u) {
+    if (!takes_part(picture, pixel)) {
         return;
     }
     Guide guide = guide_at(picture, pixel);
@@ -143,7 +148,7 @@ void pooled(Denoise picture, uvec2 at) {
             uint64_t other = pixel_number(picture.width, uvec2(x, y));
             Guide of = guide_at(picture, other);
             bool is_of_label = of.label == guide.label && of.instance == guide.instance;
-            if (!is_of_label || light_at(picture, other).takes_part == 0u) {
+            if (!is_of_label || !takes_part(picture, other)) {
                 continue;
             }
             Floats variance = channels_of(picture.variance, other);
@@ -163,13 +168,13 @@ void pooled(Denoise picture, uvec2 at) {
     }
 }
 
-// The weight of a pixel whose mean differs by `d`, with `for_noise` less for a noisier one. `own` and `other` are their variances, finite and
+// The weight of a pixel whose mean differs by `d`, with `for_noise` less for a much noisier one. `own` and `other` are their variances, finite and
 // not negative.
 float welch_test_weight(float t_squared[3], float d, float own, float other, bool for_noise) {
     precise float sum = own + other;
     precise float inverse = 1.0 / (sum + LEAST);
     precise float r = (own * own + other * other) * inverse * inverse;
-    precise float share = for_noise ? min((2.0 * own + LEAST) * inverse, 1.0) : 1.0;
+    precise float share = for_noise ? min((NOISIER * own + LEAST) * inverse, 1.0) : 1.0;
     precise float bar = (t_squared[0] + r * (t_squared[1] + r * t_squared[2])) * sum;
     precise float squared = d * d;
     return squared <= bar ? share : 0.0;
@@ -208,7 +213,7 @@ float weights(float t_squared[3], Compared p, Compared q, bool for_noise) {
 }
 
 Compared first_window_compared(Denoise picture, uint64_t pixel) {
-    vec3 mean = vec3_of(light_at(picture, pixel).mean);
+    vec3 mean = vec3_of(light_at(picture, pixel).at[0].mean);
     return compared(mean, channels_of(picture.pooled_variance, pixel), guide_at(picture, pixel));
 }
 
@@ -225,7 +230,7 @@ Mean first_window_mean_of(Denoise picture, uvec2 at) {
     for (int y = lowest.y; y < end.y; y++) {
         for (int x = lowest.x; x < end.x; x++) {
             uint64_t other = pixel_number(picture.width, uvec2(x, y));
-            if (light_at(picture, other).takes_part == 0u) {
+            if (!takes_part(picture, other)) {
                 continue;
             }
             Compared of = first_window_compared(picture, other);
@@ -260,7 +265,7 @@ Mean first_window_mean_of(Denoise picture, uvec2 at) {
 // Writes the mean of a pixel that takes part.
 void first_window_means(Denoise picture, uvec2 at) {
     uint64_t pixel = pixel_number(picture.width, at);
-    if (light_at(picture, pixel).takes_part == 0u) {
+    if (!takes_part(picture, pixel)) {
         return;
     }
     Mean found = first_window_mean_of(picture, at);
@@ -272,51 +277,72 @@ void first_window_means(Denoise picture, uvec2 at) {
     }
 }
 
-Compared wide_window_compared(Denoise picture, uint64_t pixel) {
+// The means of the second window lie in place of the light, as their variances do.
+Compared wide_window_compared(Denoise picture, uint64_t pixel, bool is_widest) {
+    if (is_widest) {
+        return first_window_compared(picture, pixel);
+    }
     Floats mean = channels_of(picture.smooth_mean, pixel);
     vec3 of_mean = vec3(mean.at[0], mean.at[1], mean.at[2]);
     return compared(of_mean, channels_of(picture.variance, pixel), guide_at(picture, pixel));
 }
 
-vec3 wide_window_shift(Denoise picture, uvec2 at) {
-    Compared own = wide_window_compared(picture, pixel_number(picture.width, at));
+Mean wide_window_mean_of(Denoise picture, uvec2 at, bool is_widest) {
+    Compared own = wide_window_compared(picture, pixel_number(picture.width, at), is_widest);
     precise vec3 light = vec3(0.0);
+    precise vec3 spread = vec3(0.0);
     precise float weight = 0.0;
     ivec2 size = ivec2(picture.width, picture.height);
+    int wide_step = int(picture.wide_steps[is_widest ? 1 : 0]);
     for (int row = -RADIUS; row <= RADIUS; row++) {
         for (int column = -RADIUS; column <= RADIUS; column++) {
-            ivec2 place = ivec2(at) + WIDE_STEP * ivec2(column, row);
+            ivec2 place = ivec2(at) + wide_step * ivec2(column, row);
             if (any(lessThan(place, ivec2(0))) || any(greaterThanEqual(place, size))) {
                 continue;
             }
             uint64_t other = pixel_number(picture.width, uvec2(place));
-            if (light_at(picture, other).takes_part == 0u) {
+            if (!takes_part(picture, other)) {
                 continue;
             }
-            Compared of = wide_window_compared(picture, other);
+            Compared of = wide_window_compared(picture, other, is_widest);
             precise float of_weight = weights(picture.wide_t_squared, own, of, false);
             weight += of_weight;
             light += of_weight * (of.mean - own.mean);
+            spread += of_weight * of_weight * of.variance;
         }
     }
-    precise vec3 shift = light / weight;
-    return shift;
+    precise vec3 mean = own.mean + light / weight;
+    precise vec3 variance = min(OVERLAP * spread / (weight * weight), vec3(UNKNOWN));
+    return Mean(mean, variance);
+}
+
+// Puts the mean of a pixel that takes part in place of its light.
+void wide_window_means(Denoise picture, uvec2 at) {
+    uint64_t pixel = pixel_number(picture.width, at);
+    if (!takes_part(picture, pixel)) {
+        return;
+    }
+    Mean found = wide_window_mean_of(picture, at, false);
+    PixelLights light = light_at(picture, pixel);
+    Floats variance = channels_of(picture.pooled_variance, pixel);
+    for (uint c = 0u; c < 3u; c++) {
+        light.at[0].mean[c] = found.mean[c];
+        variance.at[c] = found.variance[c];
+    }
 }
 
 // Replaces the colour of a pixel that takes part.
 void wide_window_fill(Denoise picture, uvec2 at) {
     uint64_t pixel = pixel_number(picture.width, at);
-    PixelLight light = light_at(picture, pixel);
-    if (light.takes_part == 0u) {
+    if (!takes_part(picture, pixel)) {
         return;
     }
-    vec3 shift = wide_window_shift(picture, at);
+    Mean found = wide_window_mean_of(picture, at, true);
     Guide guide = guide_at(picture, pixel);
     Floats image = channels_of(picture.image, pixel);
-    Floats mean = channels_of(picture.smooth_mean, pixel);
     for (uint c = 0u; c < 3u; c++) {
-        precise float first = mean.at[c] - light.mean[c];
-        precise float filtered = image.at[c] + divisor(guide.albedo[c]) * (first + shift[c]);
+        precise float d = divisor(guide.albedo[c]);
+        precise float filtered = image.at[c] + d * (found.mean[c] - image.at[c] / d);
         image.at[c] = filtered;
     }
 }
@@ -343,6 +369,8 @@ void denoise_pixel(uvec2 in_tile) {
     } else if (launch.wanted == DENOISE_WINDOW) {
         first_window_means(picture, at);
     } else if (launch.wanted == DENOISE_WIDE) {
+        wide_window_means(picture, at);
+    } else if (launch.wanted == DENOISE_WIDEST) {
         wide_window_fill(picture, at);
     }
 }

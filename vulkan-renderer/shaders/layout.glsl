@@ -389,6 +389,7 @@ const uint DENOISE_LIGHT = 1u;
 const uint DENOISE_POOLED = 2u;
 const uint DENOISE_WINDOW = 3u;
 const uint DENOISE_WIDE = 4u;
+const uint DENOISE_WIDEST = 5u;
 
 struct Denoise {
     Address surfaces;
@@ -406,6 +407,7 @@ struct Denoise {
     uint is_variance_known;
     float t_squared[3];
     float wide_t_squared[3];
+    uint wide_steps[2];
 };
 
 struct Guide {

@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! first surfaces of a tile ──► Guides ──► guides ─────────────┐   once for a scene
-//! film's sums, or mean and variance ──► Light ──► Pooled ──► Window ──► Wide ──► picture, 12 bytes a pixel, to the host
+//! film's sums, or mean and variance ──► Light ──► Pooled ──► Window ──► Wide ──► Widest ──► picture, to the host
 //! ```
 //! Each arrow is a step ([`DenoiseStep`]) over the whole picture, in launches that are kept as short as those of samples. Mean and variance
 //! come from the sums on the device; the host sends them where it alone computes them: with shadow catchers, and during a pass that was
@@ -15,7 +15,7 @@ use std::time::Duration;
 
 use bytemuck::Zeroable as _;
 use pumice_picture::Image;
-use pumice_picture::denoise::WelchTest;
+use pumice_picture::denoise::{WelchTest, wide_steps};
 use pumice_picture::film::CLASSES;
 use pumice_picture::metrics::Variance;
 
@@ -27,7 +27,7 @@ use crate::steps::Steps;
 
 /// The compiled shader.
 #[derive(Debug)]
-pub struct DenoiseProgram(Steps<5>);
+pub struct DenoiseProgram(Steps<6>);
 
 impl DenoiseProgram {
     /// Compiles the shader.
@@ -110,6 +110,7 @@ impl PictureDenoiser {
             smooth_mean: self.smooth_mean.address(),
             width: self.size[0],
             height: self.size[1],
+            wide_steps: wide_steps(self.size[0] as usize, self.size[1] as usize).map(|step| step as u32),
             ..Denoise::zeroed()
         }
     }
@@ -178,7 +179,8 @@ impl PictureDenoiser {
         gpu.upload(&self.header, 0, bytemuck::bytes_of(&header))?;
 
         // Take the surfaces' colours out of the light, pool its variance, and average windows.
-        for step in [DenoiseStep::Light, DenoiseStep::Pooled, DenoiseStep::Window, DenoiseStep::Wide] {
+        let windows = [DenoiseStep::Window, DenoiseStep::Wide, DenoiseStep::Widest];
+        for step in [DenoiseStep::Light, DenoiseStep::Pooled].into_iter().chain(windows) {
             program.0.run(&self.header, step as usize, self.size)?;
         }
 

@@ -683,8 +683,10 @@ pub enum DenoiseStep {
     Pooled,
     /// Finds the mean of a pixel's first window and the variance of that mean.
     Window,
-    /// Replaces the picture's pixel by the mean of its wide window.
+    /// Finds the mean of a pixel's second window and the variance of that mean, and puts them in place of the light's.
     Wide,
+    /// Replaces the picture's pixel by the mean of its third window.
+    Widest,
 }
 
 /// A picture that is denoised. Arrays have an element for each pixel, rows from the top, unless another order is said.
@@ -701,12 +703,12 @@ pub struct Denoise {
     pub resting: Address,
     /// The picture, three floats a pixel: its mean before the last step, denoised after it.
     pub image: Address,
-    /// [`PixelLight`]s.
+    /// [`PixelLight`]s; after [`DenoiseStep::Wide`] their means are those of the second window.
     pub light: Address,
     /// Variance of each channel: of the mean until [`DenoiseStep::Light`], of the light after it, of the first window's means after
     /// [`DenoiseStep::Window`].
     pub variance: Address,
-    /// Variance of the light that [`DenoiseStep::Pooled`] finds, three floats a pixel.
+    /// Variance of the light that [`DenoiseStep::Pooled`] finds, three floats a pixel; after [`DenoiseStep::Wide`] that of the second window's means.
     pub pooled_variance: Address,
     /// Means that [`DenoiseStep::Window`] finds, three floats a pixel.
     pub smooth_mean: Address,
@@ -720,8 +722,10 @@ pub struct Denoise {
     pub is_variance_known: u32,
     /// `WelchTest::t_squared` of the first window's test.
     pub t_squared: [f32; 3],
-    /// The same of the wide window's.
+    /// The same of the wide windows'.
     pub wide_t_squared: [f32; 3],
+    /// Pixels from one of a wide window to the next, of the second window and the third, as `wide_steps` says.
+    pub wide_steps: [u32; 2],
 }
 
 /// The first surface of a pixel: one pixel of `pumice_picture::Guides`.

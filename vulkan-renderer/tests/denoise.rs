@@ -3,7 +3,7 @@
 //!
 //! Both compute the same sums and products in the same order, so on Mesa's software Vulkan, which rounds quotients correctly, the bits are
 //! equal. On a card a quotient may be off by 2.5 units in the last place: a weight of the window then by 1e-6, and where the difference of
-//! two means is that near to what the test accepts, a neighbour counts on one side alone. There are 150 such comparisons a pixel.
+//! two means is that near to what the test accepts, a neighbour counts on one side alone. There are 225 such comparisons a pixel.
 
 #![allow(clippy::unwrap_used, clippy::expect_used, clippy::panic, reason = "tests")]
 
@@ -23,6 +23,9 @@ use words::Random;
 
 /// One pixel, less than a window, odd sizes, and more than one workgroup and one launch.
 const SIZES: [[u32; 2]; 7] = [[1, 1], [3, 5], [1, 9], [8, 8], [65, 33], [17, 200], [130, 7]];
+
+/// So large that there is a third window.
+const LARGE: [u32; 2] = [261, 257];
 
 /// First surfaces of blocks of three labels and two instances, whose faces and base colours vary; a tenth of the pixels shows no surface, or
 /// one that is no number.
@@ -186,6 +189,30 @@ fn the_shader_is_the_hosts_filter() {
     }
 }
 
+/// The third window, which alone reaches further than 9 pixels: 18, and what it averages 6 and 2 further.
+#[test]
+fn the_third_window_is_the_hosts() {
+    let mut device = OnDevice::new(Gpu::new());
+    let mut random = Random(43);
+    let mut surfaces = surfaces(LARGE, &mut random);
+    let mut mean = noisy_light(LARGE, &mut random);
+    let variance = mean.map(|p| p.map(|v| v * v * 0.004 * (0.2 + random.unit())));
+    let got = device.of_host(LARGE, &surfaces, &mean, Some(&variance));
+    device.compare(&expected(LARGE, &surfaces, &mean, Some(&variance)), &got, "with variance");
+    // All of one label and face, so that windows hold all of their pixels.
+    let one = surfaces[0];
+    surfaces.fill(one);
+    let before = device.of_host(LARGE, &surfaces, &mean, None);
+    device.compare(&expected(LARGE, &surfaces, &mean, None), &before, "without");
+    let [width, height] = LARGE.map(|n| n as usize);
+    let [x, y] = [width / 2, height / 2];
+    mean.pixels[y * width + x] = [100.0; 3];
+    let after = device.of_host(LARGE, &surfaces, &mean, None);
+    let differ = differing(&before, &after, 1e-5);
+    let reach = differ.iter().map(|(i, ..)| (i % width).abs_diff(x).max((i / width).abs_diff(y))).max();
+    assert!(reach.is_some_and(|reach| (10..=26).contains(&reach)), "{reach:?}");
+}
+
 /// From sums on the device: mean and variance of each pixel are found there, in doubles, from its own number of samples.
 #[test]
 fn sums_on_the_device_are_taken_as_the_host_takes_them() {
@@ -225,6 +252,10 @@ fn sums_on_the_device_are_taken_as_the_host_takes_them() {
     }
 }
 
+/// Pixels of a picture of which one is changed, across and down, and where that one lies.
+const SIDE: usize = 64;
+const MIDDLE: usize = SIDE / 2;
+
 /// A change of one pixel's first surface.
 type Fault = fn(&mut SurfaceAovsRecord);
 
@@ -234,7 +265,7 @@ type Fault = fn(&mut SurfaceAovsRecord);
 fn what_differs_is_noticed() {
     let mut device = OnDevice::new(Gpu::new());
     let mut random = Random(5);
-    let size = [40, 32];
+    let size = [SIDE as u32; 2];
     let one = SurfaceAovsRecord {
         depth: 1.0,
         label: 3,
@@ -243,7 +274,7 @@ fn what_differs_is_noticed() {
         normal: [0.0, 0.0, 1.0],
         position: [0.0; 3],
     };
-    let surfaces = vec![one; 40 * 32];
+    let surfaces = vec![one; SIDE * SIDE];
     let mean = noisy_light(size, &mut random);
     let variance = mean.map(|p| p.map(|v| v * v * 0.004 * (0.2 + random.unit())));
     let smooth = expected(size, &surfaces, &mean, Some(&variance));
@@ -257,7 +288,7 @@ fn what_differs_is_noticed() {
     assert!(!differing(&smooth, &without, 1e-5).is_empty(), "without variance");
 
     // The pixel in the middle changes; those around it, whose windows it lies in, and no others.
-    let middle = 40 * 16 + 20;
+    let middle = SIDE * MIDDLE + MIDDLE;
     let faults: [(&str, Fault); 5] = [
         ("label", |s| s.label = 4),
         ("instance", |s| s.instance = 0),
@@ -271,8 +302,8 @@ fn what_differs_is_noticed() {
         let got = device.of_host(size, &changed, &mean, Some(&variance));
         device.compare(&expected(size, &changed, &mean, Some(&variance)), &got, what);
         let places: Vec<usize> = differing(&smooth, &got, 1e-5).into_iter().map(|d| d.0).collect();
-        // The wide window has a radius of 6, the first one of 2, and the pooled variance reaches one pixel further.
-        let near = |&i: &usize| (i % 40).abs_diff(20) <= 9 && (i / 40).abs_diff(16) <= 9;
+        // The windows have radii of 6 and 2, with no third one, and the pooled variance reaches one pixel further.
+        let near = |&i: &usize| (i % SIDE).abs_diff(MIDDLE) <= 9 && (i / SIDE).abs_diff(MIDDLE) <= 9;
         assert!(places.len() > 1 && places.iter().all(near), "{what}: {places:?}");
     }
     let mut other = mean.clone();

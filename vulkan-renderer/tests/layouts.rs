@@ -357,6 +357,7 @@ fn twins() -> Vec<Layout> {
                 is_variance_known,
                 t_squared,
                 wide_t_squared,
+                wide_steps,
             }
         ),
         twin!("Resolve", Resolve { sums, pass_sums, resting, result, width, height, samples, pass_stride }),
@@ -474,6 +475,7 @@ fn constants_are_the_shaders() {
         ("DENOISE_POOLED", DenoiseStep::Pooled as u64),
         ("DENOISE_WINDOW", DenoiseStep::Window as u64),
         ("DENOISE_WIDE", DenoiseStep::Wide as u64),
+        ("DENOISE_WIDEST", DenoiseStep::Widest as u64),
     ];
     assert_eq!(declared, expected.map(|(name, value)| (name.to_owned(), value)));
 }

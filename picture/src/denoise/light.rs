@@ -5,7 +5,7 @@ use rayon::prelude::*;
 
 use super::divisor;
 use super::guides::Guides;
-use super::planes::{LANES, MARGIN, Triple, lanes};
+use super::planes::{LANES, MARGIN, Means, Triple, lanes};
 use crate::image::Image;
 
 /// Light above this, whose squares are beyond single precision, takes no part.
@@ -14,10 +14,9 @@ const MOST_LIGHT: f32 = 1e18;
 /// Stands for a variance that is not known: the test then accepts any difference below a thousand million.
 pub(super) const UNKNOWN: f32 = 1e18;
 
-/// Mean and variance of the light of each pixel.
+/// The light of each pixel.
 pub(super) struct Light {
-    pub(super) mean: Triple,
-    pub(super) variance: Triple,
+    pub(super) means: Means,
     /// 1 where the pixel takes part, else 0.
     pub(super) takes_part: Vec<f32>,
 }
@@ -41,7 +40,7 @@ impl Light {
             if takes_part[at] > 0.0 && (0.0..UNKNOWN).contains(&of) { of } else { UNKNOWN }
         })?;
         let variance = pooled(&own, &takes_part, guides)?;
-        Ok(Self { mean, variance, takes_part })
+        Ok(Self { means: Means { mean, variance }, takes_part })
     }
 }
 
@@ -146,7 +145,11 @@ mod tests {
         for i in (0..pixels).filter(|&i| sound[i]) {
             let at = guides.layout.place(i % WIDTH, i / WIDTH);
             for c in 0..3 {
-                assert_eq!(light.variance[c][at], naive(&variance, &label, &sound, i, c), "pixel {i}, {c}");
+                assert_eq!(
+                    light.means.variance[c][at],
+                    naive(&variance, &label, &sound, i, c),
+                    "pixel {i}, {c}"
+                );
             }
         }
     }

@@ -10,10 +10,10 @@ use pumice_core::NoMemory;
 use pumice_core::reserve::zeroed;
 use rayon::prelude::*;
 
-use super::{RADIUS, WIDE_STEP};
+use super::{RADIUS, WIDE_STEPS};
 
-/// Room beside a row: how far the wide window reaches.
-pub(super) const MARGIN: usize = RADIUS * WIDE_STEP;
+/// Room beside a row: how far the widest window reaches.
+pub(super) const MARGIN: usize = RADIUS * WIDE_STEPS[1];
 
 /// Pixels that are filtered together: so many that compilers make vector instructions of a loop over them, of whatever width.
 pub(super) const LANES: usize = 32;
@@ -23,6 +23,54 @@ pub(super) type Lanes<T = f32> = [T; LANES];
 
 /// Three numbers of each pixel.
 pub(super) type Triple = [Vec<f32>; 3];
+
+/// Means, and the variances of these means.
+pub(super) struct Means {
+    pub(super) mean: Triple,
+    pub(super) variance: Triple,
+}
+
+/// A row of [`Means`], with the room beside it.
+pub(super) struct RowOfMeans<'a> {
+    mean: [&'a mut [f32]; 3],
+    variance: [&'a mut [f32]; 3],
+}
+
+impl Means {
+    /// Of zeroes.
+    ///
+    /// # Errors
+    /// [`NoMemory`] where there is none for 24 bytes a pixel.
+    pub(super) fn zeroes(layout: Layout) -> Result<Self, NoMemory> {
+        let zeroes = || Ok([layout.zeroes()?, layout.zeroes()?, layout.zeroes()?]);
+        Ok(Self { mean: zeroes()?, variance: zeroes()? })
+    }
+
+    /// Calls `fill` with each row and its number.
+    pub(super) fn fill_rows(&mut self, layout: Layout, fill: impl Fn(usize, RowOfMeans<'_>) + Sync) {
+        let ([red, green, blue], [of_red, of_green, of_blue]) = (&mut self.mean, &mut self.variance);
+        let n = layout.stride();
+        let of_mean = (red.par_chunks_mut(n), green.par_chunks_mut(n), blue.par_chunks_mut(n));
+        let of_variance = (of_red.par_chunks_mut(n), of_green.par_chunks_mut(n), of_blue.par_chunks_mut(n));
+        (of_mean, of_variance).into_par_iter().enumerate().for_each(|(y, (mean, variance))| {
+            let mean = [mean.0, mean.1, mean.2];
+            fill(y, RowOfMeans { mean, variance: [variance.0, variance.1, variance.2] });
+        });
+    }
+}
+
+impl RowOfMeans<'_> {
+    /// Sets those of the pixels from `x` on that take part.
+    #[inline(always)]
+    pub(super) fn set(&mut self, x: usize, takes_part: &Lanes, mean: &[Lanes; 3], variance: &[Lanes; 3]) {
+        for c in 0..3 {
+            for lane in (0..LANES).filter(|&lane| takes_part[lane] > 0.0) {
+                self.mean[c][MARGIN + x + lane] = mean[c][lane];
+                self.variance[c][MARGIN + x + lane] = variance[c][lane];
+            }
+        }
+    }
+}
 
 /// Where pixels lie in a plane.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]

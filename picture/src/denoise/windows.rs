@@ -1,26 +1,23 @@
-//! The two windows of the filter: sums over pixels around one, for many pixels beside each other at a time.
+//! The windows of the filter: sums over pixels around one, for many pixels beside each other at a time.
 //!
 //! For each place of a window there is one loop over these pixels, without branches, which compilers turn into vector instructions. Rows are
 //! compiled for processors with wider vectors too; no product and sum is fused, so all versions give the same bits.
 
 use multiversion::multiversion;
-use pumice_core::NoMemory;
 use rayon::prelude::*;
 
 use super::guides::{Guides, likeness};
 use super::light::{Light, UNKNOWN};
-use super::planes::{LANES, Lanes, MARGIN, Triple, lanes, three_lanes};
+use super::planes::{LANES, Lanes, Layout, Means, RowOfMeans, lanes, three_lanes};
 use super::welch::WelchTest;
-use super::{RADIUS, WIDE_STEP, divisor};
+use super::{RADIUS, divisor};
 
 /// Number of pixels of equal weight below which their differences tell no variance.
 const FEWEST: f32 = 1.5;
 
-/// Means of the light of pixels, and the variances of these means.
-pub(super) struct Means {
-    pub(super) mean: Triple,
-    pub(super) variance: Triple,
-}
+/// By how much the variance of a mean of the second window is larger than if the means that it averages shared no pixel. Along a line each of five
+/// pixels in a row lies in a mean of the first window, and the means are three apart: of 17 pixels eight count twice, (9 + 8 · 2²) / 5² = 41 / 25. Here its square.
+const OVERLAP: f32 = 2.6896;
 
 /// The first window: means of neighbours.
 pub(super) struct FirstWindow<'a> {
@@ -31,12 +28,48 @@ pub(super) struct FirstWindow<'a> {
     pub(super) is_variance_known: bool,
 }
 
-/// The second window: means of some of the first one's, further apart.
+/// A wide window: means of some of another one's, further apart.
 pub(super) struct WideWindow<'a> {
     pub(super) guides: &'a Guides,
-    pub(super) light: &'a Light,
-    pub(super) smooth: &'a Means,
+    pub(super) takes_part: &'a [f32],
+    /// What it averages.
+    pub(super) from: &'a Means,
     pub(super) test: WelchTest,
+    /// Pixels from one of the window to the next.
+    pub(super) step: usize,
+}
+
+/// A window around each pixel.
+pub(super) trait Window: Sync {
+    /// Where pixels lie.
+    fn layout(&self) -> Layout;
+
+    /// 1 where a pixel takes part, else 0.
+    fn takes_part(&self) -> &[f32];
+
+    /// For the pixels from (x, y) to the right: the mean of the window, and its variance.
+    fn mean_of(&self, x: usize, y: usize) -> ([Lanes; 3], [Lanes; 3]);
+
+    /// Finds the mean of each pixel that takes part; what lies elsewhere stays.
+    fn find(&self, means: &mut Means)
+    where
+        Self: Sized,
+    {
+        means.fill_rows(self.layout(), |y, row| row_of_means(self, y, row));
+    }
+}
+
+/// One row of [`Window::find`].
+#[multiversion(targets("x86_64+avx2+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
+fn row_of_means<W: Window>(window: &W, y: usize, mut row: RowOfMeans<'_>) {
+    let layout = window.layout();
+    for x in (0..layout.width).step_by(LANES) {
+        let takes_part = lanes(window.takes_part(), layout.place(x, y));
+        if *takes_part != [0.0; LANES] {
+            let (mean, variance) = window.mean_of(x, y);
+            row.set(x, takes_part, &mean, &variance);
+        }
+    }
 }
 
 /// What is compared of pixels beside each other.
@@ -50,29 +83,17 @@ struct Compared<'a> {
     takes_part: &'a Lanes,
 }
 
-impl FirstWindow<'_> {
-    /// The mean of each pixel that takes part; 0 elsewhere.
-    ///
-    /// # Errors
-    /// [`NoMemory`] where there is none for 24 bytes a pixel.
-    pub(super) fn means(&self) -> Result<Means, NoMemory> {
-        let layout = self.guides.layout;
-        let zeroes = || Ok([layout.zeroes()?, layout.zeroes()?, layout.zeroes()?]);
-        let (mut mean, mut variance): (Triple, Triple) = (zeroes()?, zeroes()?);
-        let ([red, green, blue], [of_red, of_green, of_blue]) = (&mut mean, &mut variance);
-        let n = layout.stride();
-        let of_mean = (red.par_chunks_mut(n), green.par_chunks_mut(n), blue.par_chunks_mut(n));
-        let of_variance = (of_red.par_chunks_mut(n), of_green.par_chunks_mut(n), of_blue.par_chunks_mut(n));
-        let rows = (of_mean, of_variance);
-        rows.into_par_iter().enumerate().for_each(|(y, (mean, variance))| {
-            row_of_means(self, y, [mean.0, mean.1, mean.2], [variance.0, variance.1, variance.2]);
-        });
-        Ok(Means { mean, variance })
+impl Window for FirstWindow<'_> {
+    fn layout(&self) -> Layout {
+        self.guides.layout
     }
 
-    /// For the pixels from (x, y) to the right: the mean of the window, and its variance. The pixel itself is one of the window, with weight
-    /// 1, so that no sum of weights of one that takes part is 0. What is added is the window's mean difference from the pixel's own light, so
-    /// that equal light stays equal to the bit.
+    fn takes_part(&self) -> &[f32] {
+        &self.light.takes_part
+    }
+
+    // The pixel itself is one of the window, with weight 1, so that no sum of weights of one that takes part is 0. What is added is the window's
+    // mean difference from the pixel's own light, so that equal light stays equal to the bit.
     #[inline(always)]
     fn mean_of(&self, x: usize, y: usize) -> ([Lanes; 3], [Lanes; 3]) {
         let layout = self.guides.layout;
@@ -115,29 +136,53 @@ impl FirstWindow<'_> {
         }
         (mean, variance)
     }
+}
 
+impl FirstWindow<'_> {
     #[inline(always)]
     fn compared(&self, at: usize) -> Compared<'_> {
-        compared(self.guides, self.light, &self.light.mean, &self.light.variance, at)
+        compared(self.guides, &self.light.takes_part, &self.light.means, at)
     }
 }
 
-/// One row of [`FirstWindow::means`].
-#[multiversion(targets("x86_64+avx2+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
-fn row_of_means(window: &FirstWindow<'_>, y: usize, means: [&mut [f32]; 3], variances: [&mut [f32]; 3]) {
-    let layout = window.guides.layout;
-    for x in (0..layout.width).step_by(LANES) {
-        let takes_part = lanes(&window.light.takes_part, layout.place(x, y));
-        if *takes_part == [0.0; LANES] {
-            continue;
-        }
-        let (mean, variance) = window.mean_of(x, y);
-        for c in 0..3 {
-            for lane in (0..LANES).filter(|&lane| takes_part[lane] > 0.0) {
-                means[c][MARGIN + x + lane] = mean[c][lane];
-                variances[c][MARGIN + x + lane] = variance[c][lane];
+impl Window for WideWindow<'_> {
+    fn layout(&self) -> Layout {
+        self.guides.layout
+    }
+
+    fn takes_part(&self) -> &[f32] {
+        self.takes_part
+    }
+
+    // The variance is that of the second window.
+    #[inline(always)]
+    fn mean_of(&self, x: usize, y: usize) -> ([Lanes; 3], [Lanes; 3]) {
+        let (layout, reach) = (self.guides.layout, RADIUS * self.step);
+        let own = self.compared(layout.place(x, y));
+        let (mut light, mut spread, mut weight) = ([[0.0; LANES]; 3], [[0.0; LANES]; 3], [0.0; LANES]);
+        let rows = (0..=2 * RADIUS).filter_map(|row| (y + row * self.step).checked_sub(reach));
+        for of_row in rows.filter(|&row| row < layout.height) {
+            for column in 0..=2 * RADIUS {
+                let other = self.compared(layout.place(x, of_row) + column * self.step - reach);
+                for lane in 0..LANES {
+                    let part = weight_of(&self.test, &own, &other, lane, false);
+                    weight[lane] += part;
+                    for c in 0..3 {
+                        light[c][lane] += part * (other.mean[c][lane] - own.mean[c][lane]);
+                        spread[c][lane] += part * part * other.variance[c][lane];
+                    }
+                }
             }
         }
+        let (mut mean, mut variance) = (own.mean.map(|of| *of), [[0.0; LANES]; 3]);
+        for c in 0..3 {
+            for lane in 0..LANES {
+                mean[c][lane] += light[c][lane] / weight[lane];
+                let of_mean = OVERLAP * spread[c][lane] / (weight[lane] * weight[lane]);
+                variance[c][lane] = of_mean.min(UNKNOWN);
+            }
+        }
+        (mean, variance)
     }
 }
 
@@ -148,37 +193,9 @@ impl WideWindow<'_> {
         pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| fill_row(self, y, row));
     }
 
-    /// For the pixels from (x, y) to the right: the window's mean difference from the first window's mean.
-    #[expect(clippy::needless_range_loop, reason = "lanes of several arrays side by side")]
-    #[inline(always)]
-    fn shift(&self, x: usize, y: usize) -> [Lanes; 3] {
-        let layout = self.guides.layout;
-        let own = self.compared(layout.place(x, y));
-        let (mut light, mut weight) = ([[0.0; LANES]; 3], [0.0; LANES]);
-        let rows = (0..=2 * RADIUS).filter_map(|row| (y + row * WIDE_STEP).checked_sub(MARGIN));
-        for of_row in rows.filter(|&row| row < layout.height) {
-            for column in 0..=2 * RADIUS {
-                let other = self.compared(layout.place(x, of_row) + column * WIDE_STEP - MARGIN);
-                for lane in 0..LANES {
-                    let part = weight_of(&self.test, &own, &other, lane, false);
-                    weight[lane] += part;
-                    for c in 0..3 {
-                        light[c][lane] += part * (other.mean[c][lane] - own.mean[c][lane]);
-                    }
-                }
-            }
-        }
-        for of_channel in &mut light {
-            for lane in 0..LANES {
-                of_channel[lane] /= weight[lane];
-            }
-        }
-        light
-    }
-
     #[inline(always)]
     fn compared(&self, at: usize) -> Compared<'_> {
-        compared(self.guides, self.light, &self.smooth.mean, &self.smooth.variance, at)
+        compared(self.guides, self.takes_part, self.from, at)
     }
 }
 
@@ -189,16 +206,16 @@ fn fill_row(window: &WideWindow<'_>, y: usize, row: &mut [[f32; 3]]) {
     for (chunk, pixels) in row.chunks_mut(LANES).enumerate() {
         let x = chunk * LANES;
         let at = layout.place(x, y);
-        if *lanes(&window.light.takes_part, at) == [0.0; LANES] {
+        if *lanes(window.takes_part, at) == [0.0; LANES] {
             continue;
         }
-        let shift = window.shift(x, y);
+        let (mean, _) = window.mean_of(x, y);
         for (lane, pixel) in pixels.iter_mut().enumerate() {
-            if window.light.takes_part[at + lane] > 0.0 {
+            if window.takes_part[at + lane] > 0.0 {
                 for c in 0..3 {
-                    let first = window.smooth.mean[c][at + lane] - window.light.mean[c][at + lane];
+                    // As a difference, so that equal light stays equal to the bit.
                     let d = divisor(window.guides.albedo[c][at + lane]);
-                    pixel[c] += d * (first + shift[c][lane]);
+                    pixel[c] += d * (mean[c][lane] - pixel[c] / d);
                 }
             }
         }
@@ -206,21 +223,15 @@ fn fill_row(window: &WideWindow<'_>, y: usize, row: &mut [[f32; 3]]) {
 }
 
 #[inline(always)]
-fn compared<'a>(
-    guides: &'a Guides,
-    light: &'a Light,
-    mean: &'a Triple,
-    variance: &'a Triple,
-    at: usize,
-) -> Compared<'a> {
+fn compared<'a>(guides: &'a Guides, takes_part: &'a [f32], means: &'a Means, at: usize) -> Compared<'a> {
     Compared {
-        mean: three_lanes(mean, at),
-        variance: three_lanes(variance, at),
+        mean: three_lanes(&means.mean, at),
+        variance: three_lanes(&means.variance, at),
         normal: three_lanes(&guides.normal, at),
         albedo: three_lanes(&guides.albedo, at),
         label: lanes(&guides.label, at),
         instance: lanes(&guides.instance, at),
-        takes_part: lanes(&light.takes_part, at),
+        takes_part: lanes(takes_part, at),
     }
 }
 

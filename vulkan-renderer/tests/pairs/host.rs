@@ -523,9 +523,24 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ),
     (
         "picture/src/denoise/mod.rs",
-        &[("denoised", "launches the steps; vulkan-renderer/src/denoise.rs on a device")],
+        &[
+            ("denoised", "launches the steps; vulkan-renderer/src/denoise.rs on a device"),
+            ("denoised_with", "launches the steps; vulkan-renderer/src/denoise.rs on a device"),
+            ("wide_steps", "prepared before a picture is denoised"),
+        ],
     ),
-    ("picture/src/denoise/windows.rs", &[("row_of_means", SIDE_BY_SIDE), ("fill_row", SIDE_BY_SIDE)]),
+    (
+        "picture/src/denoise/windows.rs",
+        &[
+            ("Window::layout", READ),
+            ("Window::mean_of", "what windows have in common"),
+            ("Window::find", "first_window_means and wide_window_means, for all pixels"),
+            ("FirstWindow::layout", READ),
+            ("WideWindow::layout", READ),
+            ("row_of_means", SIDE_BY_SIDE),
+            ("fill_row", SIDE_BY_SIDE),
+        ],
+    ),
     (
         "picture/src/denoise/guides.rs",
         &[("Guides::fit", "which picture the guides are of: checked by the host")],
