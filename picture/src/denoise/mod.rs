@@ -16,9 +16,9 @@
 //!
 //! **Three windows** of 5 × 5 pixels: the first of neighbours, the second of every third pixel of the first one's result, the third of every
 //! ninth of the second one's, so that a pixel becomes the mean of up to 53 × 53. A picture that is no larger than a few such squares has no third
-//! window. The variance of a window's means follows from that of what it
-//! averages; where that of the pixels is not known, from how those of the first window differ. So the wide windows have a test at one sample a
-//! pixel already. They have no weight for noise, because a mean that takes less from noisier pixels loses the light of rare bright samples.
+//! window. The variance of a window's means follows from that of what it averages; where that of the pixels is not known, from how those of the
+//! first window differ. So the wide windows have a test at one sample a pixel already. They have no weight for noise, because a mean that takes less
+//! from noisier pixels loses the light of rare bright samples.
 //!
 //! Light is divided by the base colour before, and multiplied by that of its own pixel after. Within a label the base colour is one and
 //! the same, so this changes nothing on pure pixels, and carries over light between pixels that an edge mixes differently.

@@ -16,7 +16,8 @@ use super::{RADIUS, divisor};
 const FEWEST: f32 = 1.5;
 
 /// By how much the variance of a mean of the second window is larger than if the means that it averages shared no pixel. Along a line each of five
-/// pixels in a row lies in a mean of the first window, and the means are three apart: of 17 pixels eight count twice, (9 + 8 · 2²) / 5² = 41 / 25. Here its square.
+/// pixels in a row lies in a mean of the first window, and the means are three apart: of 17 pixels eight count twice, (9 + 8 · 2²) / 5² = 41 / 25.
+/// This is its square.
 const OVERLAP: f32 = 2.6896;
 
 /// The first window: means of neighbours.
