@@ -57,7 +57,7 @@ const RADIUS: usize = 2;
 const WIDE_STEPS: [usize; 2] = [3, 9];
 
 /// Pixels of a picture's shorter side from which on there is a third window. At 270 it leaves a tenth less visible difference of one sample on figures
-/// in real light, at 1080 a quarter; at 135, where it reaches over two fifths of the picture, 5 % more of four samples or more.
+/// in real light, at 1080 a quarter; at 135, where it reaches over two fifths of the picture, 5 to 10 % more of four samples or more.
 const LEAST_SIDE: usize = 256;
 
 /// Added to a base colour before light is divided by it, so that light on black surfaces is divided by something.
