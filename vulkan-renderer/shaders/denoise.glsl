@@ -1,5 +1,5 @@
 // Denoises a picture by averaging pixels that a statistical test cannot tell apart: twin of picture/src/denoise/mod.rs, guides.rs, light.rs,
-// welch.rs and windows.rs. An invocation does for one pixel what the host does for several side by side, in the same order, so that the bits are the
+// welch.rs, windows.rs and shrink.rs. An invocation does for one pixel what the host does for several side by side, in the same order, so that the bits are the
 // same where quotients are rounded correctly.
 //
 // Whether a float is a number is told by its bits, because a device may take it for granted.
@@ -20,6 +20,8 @@ const float MOST_LIGHT = 1e18;
 const float UNKNOWN = 1e18;
 const float LEAST = 1e-30;
 const float NOISIER = 8.0;
+const int REACH = 4;
+const float FLOOR = 0.01;
 
 // The largest finite float.
 const uint MOST_FINITE_BITS = 0x7F7FFFFFu;
@@ -111,6 +113,7 @@ void light_of(Denoise picture, uint64_t pixel) {
     Guide guide = guide_at(picture, pixel);
     Floats image = channels_of(picture.image, pixel);
     Floats variance = channels_of(picture.variance, pixel);
+    Floats light_variance = channels_of(picture.light_variance, pixel);
     bool is_part = guide.is_surface != 0u;
     for (uint c = 0u; c < 3u; c++) {
         is_part = is_part && is_at_most(image.at[c], floatBitsToUint(MOST_LIGHT));
@@ -129,7 +132,7 @@ void light_of(Denoise picture, uint64_t pixel) {
                 own = is_known ? of : UNKNOWN;
             }
         }
-        variance.at[c] = own;
+        light_variance.at[c] = own;
     }
     light_at(picture, pixel).at[0] = light;
 }
@@ -151,7 +154,7 @@ void pooled(Denoise picture, uvec2 at) {
             if (!is_of_label || !takes_part(picture, other)) {
                 continue;
             }
-            Floats variance = channels_of(picture.variance, other);
+            Floats variance = channels_of(picture.light_variance, other);
             for (uint c = 0u; c < 3u; c++) {
                 if (variance.at[c] < UNKNOWN) {
                     sum[c] += variance.at[c];
@@ -160,7 +163,7 @@ void pooled(Denoise picture, uvec2 at) {
             }
         }
     }
-    Floats alone = channels_of(picture.variance, pixel);
+    Floats alone = channels_of(picture.light_variance, pixel);
     Floats result = channels_of(picture.pooled_variance, pixel);
     for (uint c = 0u; c < 3u; c++) {
         precise float mean = sum[c] / max(count[c], 1.0);
@@ -270,7 +273,7 @@ void first_window_means(Denoise picture, uvec2 at) {
     }
     Mean found = first_window_mean_of(picture, at);
     Floats mean = channels_of(picture.smooth_mean, pixel);
-    Floats variance = channels_of(picture.variance, pixel);
+    Floats variance = channels_of(picture.light_variance, pixel);
     for (uint c = 0u; c < 3u; c++) {
         mean.at[c] = found.mean[c];
         variance.at[c] = found.variance[c];
@@ -278,22 +281,22 @@ void first_window_means(Denoise picture, uvec2 at) {
 }
 
 // The means of the second window lie in place of the light, as their variances do.
-Compared wide_window_compared(Denoise picture, uint64_t pixel, bool is_widest) {
-    if (is_widest) {
+Compared wide_window_compared(Denoise picture, uint64_t pixel, bool is_third) {
+    if (is_third) {
         return first_window_compared(picture, pixel);
     }
     Floats mean = channels_of(picture.smooth_mean, pixel);
     vec3 of_mean = vec3(mean.at[0], mean.at[1], mean.at[2]);
-    return compared(of_mean, channels_of(picture.variance, pixel), guide_at(picture, pixel));
+    return compared(of_mean, channels_of(picture.light_variance, pixel), guide_at(picture, pixel));
 }
 
-Mean wide_window_mean_of(Denoise picture, uvec2 at, bool is_widest) {
-    Compared own = wide_window_compared(picture, pixel_number(picture.width, at), is_widest);
+Mean wide_window_mean_of(Denoise picture, uvec2 at, bool is_third) {
+    Compared own = wide_window_compared(picture, pixel_number(picture.width, at), is_third);
     precise vec3 light = vec3(0.0);
     precise vec3 spread = vec3(0.0);
     precise float weight = 0.0;
     ivec2 size = ivec2(picture.width, picture.height);
-    int wide_step = int(picture.wide_steps[is_widest ? 1 : 0]);
+    int wide_step = int(picture.wide_steps[is_third ? 1 : 0]);
     for (int row = -RADIUS; row <= RADIUS; row++) {
         for (int column = -RADIUS; column <= RADIUS; column++) {
             ivec2 place = ivec2(at) + wide_step * ivec2(column, row);
@@ -304,7 +307,7 @@ Mean wide_window_mean_of(Denoise picture, uvec2 at, bool is_widest) {
             if (!takes_part(picture, other)) {
                 continue;
             }
-            Compared of = wide_window_compared(picture, other, is_widest);
+            Compared of = wide_window_compared(picture, other, is_third);
             precise float of_weight = weights(picture.wide_t_squared, own, of, false);
             weight += of_weight;
             light += of_weight * (of.mean - own.mean);
@@ -331,19 +334,89 @@ void wide_window_means(Denoise picture, uvec2 at) {
     }
 }
 
-// Replaces the colour of a pixel that takes part.
+// Relative variance and relative squared change of a pixel that takes part, summed over its channels; 0 where a variance is not known.
+vec2 noise_and_change(float noisy[3], float variance[3], float filtered[3]) {
+    precise float noise = 0.0;
+    precise float change = 0.0;
+    bool is_known = true;
+    for (uint c = 0u; c < 3u; c++) {
+        precise float weight = 1.0 / (filtered[c] * filtered[c] + FLOOR);
+        precise float d = noisy[c] - filtered[c];
+        noise += weight * variance[c];
+        change += weight * (d * d);
+        // Negative, infinite or no number: as if it were not known.
+        is_known = is_known && is_at_most(variance[c], floatBitsToUint(UNKNOWN)) && variance[c] >= 0.0 && variance[c] < UNKNOWN;
+    }
+    return is_known ? vec2(noise, change) : vec2(0.0);
+}
+
+// Replaces the colour of a pixel that takes part. Where variances are known, it keeps the noisy one and what tells its share.
 void wide_window_fill(Denoise picture, uvec2 at) {
     uint64_t pixel = pixel_number(picture.width, at);
+    Floats told = channels_of(picture.light_variance, pixel);
     if (!takes_part(picture, pixel)) {
+        told.at[0] = 0.0;
+        told.at[1] = 0.0;
         return;
     }
     Mean found = wide_window_mean_of(picture, at, true);
     Guide guide = guide_at(picture, pixel);
     Floats image = channels_of(picture.image, pixel);
+    float noisy[3];
+    float filtered[3];
     for (uint c = 0u; c < 3u; c++) {
+        noisy[c] = image.at[c];
         precise float d = divisor(guide.albedo[c]);
-        precise float filtered = image.at[c] + d * (found.mean[c] - image.at[c] / d);
-        image.at[c] = filtered;
+        precise float result = noisy[c] + d * (found.mean[c] - noisy[c] / d);
+        filtered[c] = result;
+        image.at[c] = result;
+    }
+    if (picture.is_variance_known != 0u) {
+        Floats variance = channels_of(picture.variance, pixel);
+        vec2 of_pixel = noise_and_change(noisy, float[3](variance.at[0], variance.at[1], variance.at[2]), filtered);
+        told.at[0] = of_pixel.x;
+        told.at[1] = of_pixel.y;
+        Floats kept = channels_of(picture.smooth_mean, pixel);
+        for (uint c = 0u; c < 3u; c++) {
+            kept.at[c] = noisy[c];
+        }
+    }
+}
+
+// 1 - a of a pixel, as picture/src/denoise/shrink.rs says.
+float share_of_noisy(Denoise picture, uvec2 at) {
+    Guide guide = guide_at(picture, pixel_number(picture.width, at));
+    precise float noise = 0.0;
+    precise float change = 0.0;
+    ivec2 lowest = max(ivec2(at) - REACH, ivec2(0));
+    ivec2 end = min(ivec2(at) + REACH + 1, ivec2(picture.width, picture.height));
+    for (int y = lowest.y; y < end.y; y++) {
+        for (int x = lowest.x; x < end.x; x++) {
+            uint64_t other = pixel_number(picture.width, uvec2(x, y));
+            Guide of = guide_at(picture, other);
+            if (of.label == guide.label && of.instance == guide.instance) {
+                Floats told = channels_of(picture.light_variance, other);
+                noise += told.at[0];
+                change += told.at[1];
+            }
+        }
+    }
+    precise float share = noise < change ? 1.0 - noise / change : 0.0;
+    return share;
+}
+
+// Gives a filtered pixel that takes part its share of the noisy one.
+void shrink(Denoise picture, uvec2 at) {
+    uint64_t pixel = pixel_number(picture.width, at);
+    if (!takes_part(picture, pixel)) {
+        return;
+    }
+    float share = share_of_noisy(picture, at);
+    Floats image = channels_of(picture.image, pixel);
+    Floats noisy = channels_of(picture.smooth_mean, pixel);
+    for (uint c = 0u; c < 3u; c++) {
+        precise float result = image.at[c] + share * (noisy.at[c] - image.at[c]);
+        image.at[c] = result;
     }
 }
 
@@ -366,12 +439,14 @@ void denoise_pixel(uvec2 in_tile) {
         light_of(picture, pixel);
     } else if (launch.wanted == DENOISE_POOLED) {
         pooled(picture, at);
-    } else if (launch.wanted == DENOISE_WINDOW) {
+    } else if (launch.wanted == DENOISE_FIRST_WINDOW) {
         first_window_means(picture, at);
-    } else if (launch.wanted == DENOISE_WIDE) {
+    } else if (launch.wanted == DENOISE_SECOND_WINDOW) {
         wide_window_means(picture, at);
-    } else if (launch.wanted == DENOISE_WIDEST) {
+    } else if (launch.wanted == DENOISE_THIRD_WINDOW) {
         wide_window_fill(picture, at);
+    } else if (launch.wanted == DENOISE_SHRINK) {
+        shrink(picture, at);
     }
 }
 

@@ -387,9 +387,10 @@ struct Resolve {
 const uint DENOISE_GUIDES = 0u;
 const uint DENOISE_LIGHT = 1u;
 const uint DENOISE_POOLED = 2u;
-const uint DENOISE_WINDOW = 3u;
-const uint DENOISE_WIDE = 4u;
-const uint DENOISE_WIDEST = 5u;
+const uint DENOISE_FIRST_WINDOW = 3u;
+const uint DENOISE_SECOND_WINDOW = 4u;
+const uint DENOISE_THIRD_WINDOW = 5u;
+const uint DENOISE_SHRINK = 6u;
 
 struct Denoise {
     Address surfaces;
@@ -397,8 +398,9 @@ struct Denoise {
     Address sums;
     Address resting;
     Address image;
-    Address light;
     Address variance;
+    Address light;
+    Address light_variance;
     Address pooled_variance;
     Address smooth_mean;
     uint width;

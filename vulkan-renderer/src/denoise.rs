@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! first surfaces of a tile ──► Guides ──► guides ─────────────┐   once for a scene
-//! film's sums, or mean and variance ──► Light ──► Pooled ──► Window ──► Wide ──► Widest ──► picture, to the host
+//! film's sums, or mean and variance ──► Light ──► Pooled ──► FirstWindow ──► SecondWindow ──► ThirdWindow ──► Shrink ──► picture, to the host
 //! ```
 //! Each arrow is a step ([`DenoiseStep`]) over the whole picture, in launches that are kept as short as those of samples. Mean and variance
 //! come from the sums on the device; the host sends them where it alone computes them: with shadow catchers, and during a pass that was
@@ -27,7 +27,7 @@ use crate::steps::Steps;
 
 /// The compiled shader.
 #[derive(Debug)]
-pub struct DenoiseProgram(Steps<6>);
+pub struct DenoiseProgram(Steps<7>);
 
 impl DenoiseProgram {
     /// Compiles the shader.
@@ -65,15 +65,16 @@ pub enum Noisy<'a> {
     },
 }
 
-/// Memory for denoising pictures of one size, with the guides of a scene: 100 bytes a pixel.
+/// Memory for denoising pictures of one size, with the guides of a scene: 112 bytes a pixel.
 #[derive(Debug)]
 pub struct PictureDenoiser {
     size: [u32; 2],
     header: Buffer,
     guides: Buffer,
     image: Buffer,
-    light: Buffer,
     variance: Buffer,
+    light: Buffer,
+    light_variance: Buffer,
     pooled_variance: Buffer,
     smooth_mean: Buffer,
 }
@@ -92,8 +93,9 @@ impl PictureDenoiser {
             header: gpu.buffer("the denoiser's header", size_of::<Denoise>() as u64)?,
             guides: buffer("the denoiser's guides", size_of::<Guide>() as u64)?,
             image: buffer("the denoiser's picture", channels)?,
-            light: buffer("the denoiser's light", size_of::<PixelLight>() as u64)?,
             variance: buffer("the denoiser's variance", channels)?,
+            light: buffer("the denoiser's light", size_of::<PixelLight>() as u64)?,
+            light_variance: buffer("the denoiser's variance of light", channels)?,
             pooled_variance: buffer("the denoiser's pooled variance", channels)?,
             smooth_mean: buffer("the denoiser's means", channels)?,
         })
@@ -104,8 +106,9 @@ impl PictureDenoiser {
         Denoise {
             guides: self.guides.address(),
             image: self.image.address(),
-            light: self.light.address(),
             variance: self.variance.address(),
+            light: self.light.address(),
+            light_variance: self.light_variance.address(),
             pooled_variance: self.pooled_variance.address(),
             smooth_mean: self.smooth_mean.address(),
             width: self.size[0],
@@ -178,9 +181,10 @@ impl PictureDenoiser {
         };
         gpu.upload(&self.header, 0, bytemuck::bytes_of(&header))?;
 
-        // Take the surfaces' colours out of the light, pool its variance, and average windows.
-        let windows = [DenoiseStep::Window, DenoiseStep::Wide, DenoiseStep::Widest];
-        for step in [DenoiseStep::Light, DenoiseStep::Pooled].into_iter().chain(windows) {
+        // Take the surfaces' colours out of the light, pool its variance, average windows, and return what noise does not explain.
+        let windows = [DenoiseStep::FirstWindow, DenoiseStep::SecondWindow, DenoiseStep::ThirdWindow];
+        let shrink = (header.is_variance_known != 0).then_some(DenoiseStep::Shrink);
+        for step in [DenoiseStep::Light, DenoiseStep::Pooled].into_iter().chain(windows).chain(shrink) {
             program.0.run(&self.header, step as usize, self.size)?;
         }
 
@@ -190,8 +194,8 @@ impl PictureDenoiser {
 
     /// Bytes on the device.
     pub fn bytes(&self) -> u64 {
-        let of_light = [&self.light, &self.variance, &self.pooled_variance, &self.smooth_mean];
-        let all = [&self.header, &self.guides, &self.image].into_iter().chain(of_light);
+        let of_light = [&self.light, &self.light_variance, &self.pooled_variance, &self.smooth_mean];
+        let all = [&self.header, &self.guides, &self.image, &self.variance].into_iter().chain(of_light);
         all.map(Buffer::bytes).sum()
     }
 }

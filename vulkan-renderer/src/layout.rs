@@ -682,11 +682,13 @@ pub enum DenoiseStep {
     /// Pools the variance of a pixel with those around it.
     Pooled,
     /// Finds the mean of a pixel's first window and the variance of that mean.
-    Window,
+    FirstWindow,
     /// Finds the mean of a pixel's second window and the variance of that mean, and puts them in place of the light's.
-    Wide,
-    /// Replaces the picture's pixel by the mean of its third window.
-    Widest,
+    SecondWindow,
+    /// Replaces the picture's pixel by the mean of its third window; where the variance is known, it keeps the noisy pixel and compares both.
+    ThirdWindow,
+    /// Gives a filtered pixel its share of the noisy one, where the variance is known.
+    Shrink,
 }
 
 /// A picture that is denoised. Arrays have an element for each pixel, rows from the top, unless another order is said.
@@ -701,16 +703,19 @@ pub struct Denoise {
     pub sums: Address,
     /// Which pixels rest, as [`Launch::resting`].
     pub resting: Address,
-    /// The picture, three floats a pixel: its mean before the last step, denoised after it.
+    /// The picture, three floats a pixel: its mean until [`DenoiseStep::ThirdWindow`], filtered after it.
     pub image: Address,
-    /// [`PixelLight`]s; after [`DenoiseStep::Wide`] their means are those of the second window.
-    pub light: Address,
-    /// Variance of each channel: of the mean until [`DenoiseStep::Light`], of the light after it, of the first window's means after
-    /// [`DenoiseStep::Window`].
+    /// Variance of that mean, three floats a pixel.
     pub variance: Address,
-    /// Variance of the light that [`DenoiseStep::Pooled`] finds, three floats a pixel; after [`DenoiseStep::Wide`] that of the second window's means.
+    /// [`PixelLight`]s; after [`DenoiseStep::SecondWindow`] their means are those of the second window.
+    pub light: Address,
+    /// Variance of the light, three floats a pixel; after [`DenoiseStep::FirstWindow`] that of the first window's means. After
+    /// [`DenoiseStep::ThirdWindow`], two of the three are noise and change of a pixel.
+    pub light_variance: Address,
+    /// Variance of the light that [`DenoiseStep::Pooled`] finds, three floats a pixel; after [`DenoiseStep::SecondWindow`] that of the second
+    /// window's means.
     pub pooled_variance: Address,
-    /// Means that [`DenoiseStep::Window`] finds, three floats a pixel.
+    /// Means that [`DenoiseStep::FirstWindow`] finds, three floats a pixel; after [`DenoiseStep::ThirdWindow`] the noisy picture.
     pub smooth_mean: Address,
     /// Width of the picture in pixels.
     pub width: u32,

@@ -347,8 +347,9 @@ fn twins() -> Vec<Layout> {
                 sums,
                 resting,
                 image,
-                light,
                 variance,
+                light,
+                light_variance,
                 pooled_variance,
                 smooth_mean,
                 width,
@@ -473,9 +474,10 @@ fn constants_are_the_shaders() {
         ("DENOISE_GUIDES", DenoiseStep::Guides as u64),
         ("DENOISE_LIGHT", DenoiseStep::Light as u64),
         ("DENOISE_POOLED", DenoiseStep::Pooled as u64),
-        ("DENOISE_WINDOW", DenoiseStep::Window as u64),
-        ("DENOISE_WIDE", DenoiseStep::Wide as u64),
-        ("DENOISE_WIDEST", DenoiseStep::Widest as u64),
+        ("DENOISE_FIRST_WINDOW", DenoiseStep::FirstWindow as u64),
+        ("DENOISE_SECOND_WINDOW", DenoiseStep::SecondWindow as u64),
+        ("DENOISE_THIRD_WINDOW", DenoiseStep::ThirdWindow as u64),
+        ("DENOISE_SHRINK", DenoiseStep::Shrink as u64),
     ];
     assert_eq!(declared, expected.map(|(name, value)| (name.to_owned(), value)));
 }

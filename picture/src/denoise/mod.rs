@@ -20,6 +20,10 @@
 //! first window differ. So the wide windows have a test at one sample a pixel already. They have no weight for noise, because a mean that takes less
 //! from noisier pixels loses the light of rare bright samples.
 //!
+//! **What noise does not explain comes back**: the result is a mixture of the noisy and the filtered picture, with more of the noisy one where the
+//! filter changed more than the variance says. So a picture of many samples is never much worse for the filter, which left reflections of
+//! bright spots with up to 1.4 times the error of the noisy picture.
+//!
 //! Light is divided by the base colour before, and multiplied by that of its own pixel after. Within a label the base colour is one and
 //! the same, so this changes nothing on pure pixels, and carries over light between pixels that an edge mixes differently.
 //!
@@ -34,6 +38,7 @@ mod denoiser;
 mod guides;
 mod light;
 mod planes;
+mod shrink;
 mod welch;
 mod windows;
 
@@ -46,6 +51,7 @@ pub use denoiser::Denoiser;
 pub use guides::Guides;
 use light::Light;
 use planes::Means;
+use shrink::Shrinkage;
 pub use welch::WelchTest;
 use windows::{FirstWindow, WideWindow, Window};
 
@@ -74,8 +80,8 @@ pub fn denoised(image: &Image, variance: Option<Variance<'_>>, guides: &Guides) 
 
 /// Pixels from one of a wide window to the next, of the second window and the third of a picture of this size; 0 where there is no third.
 pub fn wide_steps(width: usize, height: usize) -> [usize; 2] {
-    let [step, widest] = WIDE_STEPS;
-    [step, if width.min(height) >= LEAST_SIDE { widest } else { 0 }]
+    let [second, third] = WIDE_STEPS;
+    [second, if width.min(height) >= LEAST_SIDE { third } else { 0 }]
 }
 
 /// As [`denoised`], with wide windows of these steps.
@@ -83,22 +89,29 @@ fn denoised_with(
     image: &Image,
     variance: Option<Variance<'_>>,
     guides: &Guides,
-    [step, widest]: [usize; 2],
+    [second, third]: [usize; 2],
 ) -> Result<Image, NoMemory> {
     let unfit = variance.as_ref().is_some_and(|v| !guides.fit(v.of_mean));
     let mut pixels = reserved(image.pixels.len(), "denoiser: its picture")?;
     pixels.extend_from_slice(&image.pixels);
     if guides.fit(image) && !unfit {
         let test = WelchTest::of(variance.as_ref().map(|v| v.degrees_of_freedom));
+        let variance = variance.map(|v| v.of_mean);
         let is_variance_known = variance.is_some();
-        let mut light = Light::of(image, variance.map(|v| v.of_mean), guides)?;
+        let mut light = Light::of(image, variance, guides)?;
         let mut first = Means::zeroes(guides.layout)?;
         FirstWindow { guides, light: &light, test, is_variance_known }.find(&mut first);
         let (test, takes_part) = (WelchTest::wide(), &light.takes_part);
         // The light is not needed any more, and its memory is.
-        WideWindow { guides, takes_part, from: &first, test, step }.find(&mut light.means);
+        WideWindow { guides, takes_part, from: &first, test, step: second }.find(&mut light.means);
         // With a step of 0 it is the mean of the pixel alone.
-        WideWindow { guides, takes_part, from: &light.means, test, step: widest }.fill(&mut pixels);
+        WideWindow { guides, takes_part, from: &light.means, test, step: third }.fill(&mut pixels);
+        if let Some(variance) = variance {
+            // The first window's means are not needed any more, and their memory is.
+            let ([noise, ..], [change, ..]) = (first.mean, first.variance);
+            let told = [image, variance];
+            Shrinkage::of(told, &pixels, guides, takes_part, [noise, change]).shrink(image, &mut pixels);
+        }
     }
     Ok(Image::new(image.width, image.height, pixels))
 }

@@ -542,6 +542,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         ],
     ),
     (
+        "picture/src/denoise/shrink.rs",
+        &[("Shrinkage::of", "noise_and_change, for all pixels"), ("shrink_row", SIDE_BY_SIDE)],
+    ),
+    (
         "picture/src/denoise/guides.rs",
         &[("Guides::fit", "which picture the guides are of: checked by the host")],
     ),
