@@ -6,7 +6,7 @@ use std::time::Duration;
 use pumice_core::Job;
 use pumice_picture::cryptomatte::{self, Ids};
 use pumice_picture::film::CLASSES;
-use pumice_picture::{Image, Picture, film_memory, name_labels, name_mattes};
+use pumice_picture::{CoarsePixels, Guides, Image, Picture, film_memory, name_labels, name_mattes};
 use pumice_scene::{Film, Part, PartSet, Scene};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::emitters::{EmissiveGeometry, Emitters};
@@ -16,7 +16,7 @@ use pumice_transport::material_table::{MaterialTable, MaterialTables};
 use pumice_transport::scene_lights::{ReadImage, scene_lights};
 use pumice_transport::scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan};
 use pumice_transport::{
-    LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface, SurfaceKind,
+    CoarseFrame, LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface, SurfaceKind,
 };
 use rayon::prelude::*;
 
@@ -312,6 +312,42 @@ impl Renderer for CpuRenderer {
             Some(shown) => shown.tracer.advance(slice, spp_limit, job),
             None => Err(no_scene()),
         }
+    }
+
+    fn has_coarse_frames(&mut self) -> bool {
+        true
+    }
+
+    fn coarse_frame(
+        &mut self,
+        size: [u32; 2],
+        guided: bool,
+        job: &Job,
+    ) -> Result<Option<CoarseFrame>, RenderError> {
+        let Some(Shown { tracer, scene, .. }) = &mut self.shown else { return Err(no_scene()) };
+        let film = &scene.scene().film;
+        let pixels = CoarsePixels::new([film.width, film.height], size);
+        if !tracer.film().is_before_passes() {
+            return Ok(None);
+        }
+        tracer.add_early(&pixels, job)?;
+        let coarse = tracer.film().coarse(&pixels)?;
+        let (color, alpha) = (coarse.mean()?, coarse.alpha()?);
+        let guides = match guided {
+            true => Guides::of(&tracer.surfaces(color.clone(), |number| pixels.pixel(number))?)?,
+            false => None,
+        };
+        tracer.check()?;
+        Ok(Some(CoarseFrame { color, alpha, guides }))
+    }
+
+    fn guides(&mut self) -> Result<Option<Guides>, RenderError> {
+        let tracer = &self.shown()?.tracer;
+        let (width, height) = tracer.film().size();
+        let all = CoarsePixels::new([width as u32, height as u32], [width as u32, height as u32]);
+        let picture = tracer.surfaces(tracer.film().mean()?, |number| all.pixel(number))?;
+        tracer.check()?;
+        Ok(Guides::of(&picture)?)
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {

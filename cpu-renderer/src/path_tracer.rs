@@ -1,12 +1,13 @@
 //! The progressive path tracer over any [`Tracer`]. Each pixel's samples depend on (seed, pixel, sample number) alone and are added in
 //! order, so the picture depends neither on the number of threads nor on the division into time slices.
 
+use std::ops::Range;
 use std::time::{Duration, Instant};
 
 use pumice_core::reserve::{collected, collected_by_threads};
 use pumice_core::{Job, NoMemory};
 use pumice_picture::film::{CLASSES, PICTURE, STRIDE};
-use pumice_picture::{FilmBuffer, Image, PassSums, Picture};
+use pumice_picture::{CoarsePixels, FilmBuffer, Image, PassSums, Picture};
 use pumice_scene::{Camera, Film, Passes};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::sampler::PixelSampler;
@@ -146,11 +147,9 @@ impl<T: Tracer> PathTracer<T> {
     pub fn add_samples(&mut self, target: u32, job: &Job) -> Result<(), RenderError> {
         let start = Instant::now();
         let before = self.film.spp();
-        let (width, height) = self.film.size();
-        let Self { tracer, around, rays, filter, film, sorts, .. } = self;
-        let seed = around.settings.seed;
-        let kept = film.kept();
-        let stride = kept.stride();
+        let (width, _) = self.film.size();
+        let (film, adding) = self.adding();
+        let tracer = adding.tracer;
         film.rows_mut().par_bridge().for_each(|row| {
             if job.is_cancelled() || *row.samples >= target || tracer.failure().is_some() {
                 return;
@@ -158,31 +157,10 @@ impl<T: Tracer> PathTracer<T> {
             let by_blocks = target - *row.samples >= LEAST_BY_BLOCKS;
             for (x, sums) in row.sums.chunks_exact_mut(STRIDE).enumerate() {
                 let target = target.min(row.most.get(x).copied().unwrap_or(u32::MAX));
-                let mut sampler =
-                    PixelSampler::new(seed, [x as u32, row.y], *row.samples).by_blocks(by_blocks);
-                for sample in *row.samples..target {
-                    sampler.set_sample(sample);
-                    let [u, v] = sampler.film();
-                    let px = x as f64 + 0.5 + f64::from(filter.sample(u));
-                    let py = f64::from(row.y) + 0.5 + f64::from(filter.sample(v));
-                    let (ray, t_max) = match &rays.lens {
-                        None => rays.ray(px, py),
-                        Some(lens) => rays.lens_ray(lens, px, py, sampler.lens()),
-                    };
-                    let down = (py / height as f64) as f32;
-                    let color = if stride == 0 && !*sorts {
-                        radiance(&*tracer, around, &sampler, ray, t_max, down)
-                    } else {
-                        let mut sorted = AovSample::new(&around.settings, kept);
-                        follow(&*tracer, around, &sampler, ray, t_max, down, &mut sorted);
-                        sorted.add_to(&mut row.passes[x * stride..][..stride], sample);
-                        sorted.total
-                    };
-                    let at = 3 * (sample % CLASSES) as usize;
-                    sums[at] += color.x;
-                    sums[at + 1] += color.y;
-                    sums[at + 2] += color.z;
-                }
+                let is_early = row.early.get_mut(x).is_some_and(std::mem::take);
+                let has = *row.samples + u32::from(is_early);
+                let passes = &mut row.passes[x * adding.stride..][..adding.stride];
+                adding.add([x as u32, row.y], has..target, by_blocks, sums, passes);
             }
             job.advance(u64::from(target - *row.samples) * width as u64);
             *row.samples = target;
@@ -196,6 +174,47 @@ impl<T: Tracer> PathTracer<T> {
             self.seconds_a_sample = start.elapsed().as_secs_f64() / f64::from(target - before);
         }
         Ok(())
+    }
+
+    /// Adds the first sample to each of these pixels that has none. Does nothing once a pass over all pixels has begun.
+    ///
+    /// # Errors
+    /// [`RenderError::Cancelled`]: the next call continues; [`RenderError::Memory`]; as [`PathTracer::check`].
+    pub fn add_early(&mut self, pixels: &CoarsePixels, job: &Job) -> Result<(), RenderError> {
+        if !self.film.is_before_passes() {
+            return Ok(());
+        }
+        self.film.allow_early()?;
+        let mut is_shown = vec![false; self.film.size().1];
+        pixels.rows().for_each(|y| is_shown[y as usize] = true);
+        let (film, adding) = self.adding();
+        let tracer = adding.tracer;
+        film.rows_mut().filter(|row| is_shown[row.y as usize]).par_bridge().for_each(|row| {
+            if job.is_cancelled() || tracer.failure().is_some() {
+                return;
+            }
+            for column in pixels.columns() {
+                let x = column as usize;
+                if !std::mem::replace(&mut row.early[x], true) {
+                    let sums = &mut row.sums[x * STRIDE..][..STRIDE];
+                    let passes = &mut row.passes[x * adding.stride..][..adding.stride];
+                    adding.add([column, row.y], 0..1, false, sums, passes);
+                }
+            }
+        });
+        if job.is_cancelled() {
+            return Err(RenderError::Cancelled);
+        }
+        self.check()
+    }
+
+    /// The film, and what samples are added with.
+    fn adding(&mut self) -> (&mut FilmBuffer, Adding<'_, T>) {
+        let Self { tracer, around, rays, filter, film, sorts, .. } = self;
+        let (kept, height) = (film.kept(), film.size().1);
+        let stride = kept.stride();
+        let sorts = stride > 0 || *sorts;
+        (film, Adding { tracer, around, rays, filter, kept, stride, sorts, height })
     }
 
     /// Whether all geometry could be read that rays met.
@@ -224,26 +243,41 @@ impl<T: Tracer> PathTracer<T> {
     /// # Errors
     /// [`NoMemory`].
     pub fn picture(&self) -> Result<Picture, NoMemory> {
-        let (width, height) = self.film.size();
-        let first = |i: usize| self.first((i % width) as u32, (i / width) as u32);
+        let variance = (self.film.spp() >= CLASSES).then(|| self.film.variance());
+        let width = self.film.size().0;
+        let surfaces = self.surfaces(self.film.mean()?, |i| [(i % width) as u32, (i / width) as u32])?;
+        self.film.passes_into(Picture { variance: variance.transpose()?, ..surfaces }, self.wanted)
+    }
+
+    /// Colours with the first surfaces that are seen through the middles of pixels of the film; `pixel` is that of a colour, by its number.
+    ///
+    /// # Errors
+    /// [`NoMemory`].
+    pub fn surfaces(
+        &self,
+        color: Image,
+        pixel: impl Fn(usize) -> [u32; 2] + Sync + Send,
+    ) -> Result<Picture, NoMemory> {
+        let (width, height) = (color.width, color.height);
+        let first = |i: usize| {
+            let [x, y] = pixel(i);
+            self.first(x, y)
+        };
         let firsts: Vec<First> =
             collected_by_threads((0..width * height).into_par_iter().map(first), PICTURE)?;
         let image = |f: fn(&First) -> [f32; 3]| {
             let pixels = collected(firsts.len(), firsts.iter().map(f), PICTURE)?;
             Ok::<_, NoMemory>(Image::new(width, height, pixels))
         };
-        let variance = (self.film.spp() >= CLASSES).then(|| self.film.variance());
-        let picture = Picture {
-            variance: variance.transpose()?,
+        Ok(Picture {
             depth: Some(collected(firsts.len(), firsts.iter().map(|f| f.depth), PICTURE)?),
             label: Some(collected(firsts.len(), firsts.iter().map(|f| f.label), PICTURE)?),
             instance: Some(collected(firsts.len(), firsts.iter().map(|f| f.instance), PICTURE)?),
             albedo: Some(image(|f| f.albedo)?),
             normal: Some(image(|f| f.normal)?),
             position: Some(image(|f| f.position)?),
-            ..Picture::of(self.film.mean()?)
-        };
-        self.film.passes_into(picture, self.wanted)
+            ..Picture::of(color)
+        })
     }
 
     fn first(&self, x: u32, y: u32) -> First {
@@ -273,6 +307,60 @@ impl<T: Tracer> PathTracer<T> {
                     },
                 }
             }
+        }
+    }
+}
+
+/// What samples of pixels are added with.
+struct Adding<'a, T> {
+    tracer: &'a T,
+    around: &'a Surroundings,
+    rays: &'a CameraRays,
+    filter: &'a FilterTable,
+    kept: PassSums,
+    /// Floats of passes a pixel.
+    stride: usize,
+    /// Whether light is sorted into AOVs.
+    sorts: bool,
+    /// Rows of the film.
+    height: usize,
+}
+
+impl<T: Tracer> Adding<'_, T> {
+    /// Adds samples of these numbers to the sums of a pixel. `by_blocks`: whether their random numbers are made together.
+    #[inline]
+    fn add(
+        &self,
+        pixel: [u32; 2],
+        samples: Range<u32>,
+        by_blocks: bool,
+        sums: &mut [f32],
+        passes: &mut [f32],
+    ) {
+        let Self { tracer, around, rays, filter, height, .. } = *self;
+        let mut sampler = PixelSampler::new(around.settings.seed, pixel, samples.start).by_blocks(by_blocks);
+        for sample in samples {
+            sampler.set_sample(sample);
+            let [u, v] = sampler.film();
+            let px = f64::from(pixel[0]) + 0.5 + f64::from(filter.sample(u));
+            let py = f64::from(pixel[1]) + 0.5 + f64::from(filter.sample(v));
+            let (ray, t_max) = match &rays.lens {
+                None => rays.ray(px, py),
+                Some(lens) => rays.lens_ray(lens, px, py, sampler.lens()),
+            };
+            let down = (py / height as f64) as f32;
+            let color = if self.sorts {
+                let mut sorted = AovSample::new(&around.settings, self.kept);
+                follow(tracer, around, &sampler, ray, t_max, down, &mut sorted);
+                sorted.add_to(passes, sample);
+                sorted.total
+            } else {
+                radiance(tracer, around, &sampler, ray, t_max, down)
+            };
+            let at = 3 * (sample % CLASSES) as usize;
+            sums[at] += color.x;
+            sums[at + 1] += color.y;
+            sums[at + 2] += color.z;
         }
     }
 }

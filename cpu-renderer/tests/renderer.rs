@@ -11,6 +11,8 @@ mod cases;
 mod catchers;
 #[path = "renderer/catching.rs"]
 mod catching;
+#[path = "renderer/coarse_frames.rs"]
+mod coarse_frames;
 #[path = "renderer/floor.rs"]
 mod floor;
 #[path = "renderer/passes.rs"]

@@ -19,6 +19,7 @@ use pumice_core::reserve::{check_room, collected_by_threads, zeroed};
 use pumice_scene::Adaptive;
 use rayon::prelude::*;
 
+use crate::coarse_pixels::CoarsePixels;
 use crate::film_memory::film_bytes;
 use crate::image::Image;
 use crate::metrics::Variance;
@@ -62,6 +63,8 @@ pub struct FilmBuffer {
     kept: PassSums,
     /// Samples in each pixel of a row, by row: rows differ only after a cancelled pass.
     row_samples: Vec<u32>,
+    /// Which pixels have one sample more than their row, because coarse frames show them; empty where none does.
+    early: Vec<bool>,
     /// The rows in which some pixels have more than that: a device was interrupted there.
     interrupted: Option<Interrupted>,
     /// Which pixels rest, if adaptive sampling is on.
@@ -91,6 +94,8 @@ pub struct FilmRow<'a> {
     pub passes: &'a mut [f32],
     /// Per pixel the samples that it may have in all; empty where there is no limit.
     pub most: &'a [u32],
+    /// Whether a pixel has one sample more than `samples`; empty where none does.
+    pub early: &'a mut [bool],
 }
 
 impl FilmBuffer {
@@ -113,7 +118,8 @@ impl FilmBuffer {
         let pixels = width * height;
         let (sums, pass_sums) = (zeroed(pixels * STRIDE, &what)?, zeroed(pixels * kept.stride(), &what)?);
         let row_samples = zeroed(height, &what)?;
-        Ok(Self { width, height, sums, pass_sums, kept, row_samples, interrupted: None, resting: None })
+        let (early, interrupted, resting) = (Vec::new(), None, None);
+        Ok(Self { width, height, sums, pass_sums, kept, row_samples, early, interrupted, resting })
     }
 
     /// Which sums of passes the film keeps.
@@ -136,7 +142,43 @@ impl FilmBuffer {
         let most = self.resting.as_ref().map_or(u32::MAX, |r| r.rested()[pixel]);
         let (x, y) = (pixel % self.width, pixel / self.width);
         let ahead = self.interrupted.as_ref().filter(|at| x < at.columns && at.rows.contains(&y));
-        ahead.map_or(self.row_samples[y], |at| at.samples).min(most)
+        let is_early = self.early.get(pixel).is_some_and(|&is_early| is_early);
+        ahead.map_or(self.row_samples[y] + u32::from(is_early), |at| at.samples).min(most)
+    }
+
+    /// Whether no pass over all pixels has begun, so that pixels of coarse frames can have their first sample before the others.
+    pub fn is_before_passes(&self) -> bool {
+        self.row_samples.iter().all(|&samples| samples == 0) && self.interrupted.is_none()
+    }
+
+    /// From now on pixels can have one sample more than their row ([`FilmRow::early`]).
+    ///
+    /// # Errors
+    /// [`NoMemory`] where there is none for a byte a pixel.
+    pub fn allow_early(&mut self) -> Result<(), NoMemory> {
+        if self.early.is_empty() {
+            self.early = zeroed(self.width * self.height, "film: pixels of coarse frames")?;
+        }
+        Ok(())
+    }
+
+    /// The film of a coarse frame whose pixels have their first sample, and no more.
+    ///
+    /// # Errors
+    /// [`NoMemory`] where there is none for it.
+    pub fn coarse(&self, pixels: &CoarsePixels) -> Result<Self, NoMemory> {
+        let [width, height] = pixels.size();
+        let mut coarse = Self::with_passes(width, height, self.kept)?;
+        let stride = self.kept.stride();
+        for number in 0..coarse.pixels() {
+            let [x, y] = pixels.pixel(number).map(|at| at as usize);
+            let of = y * self.width + x;
+            coarse.sums[number * STRIDE..][..STRIDE].copy_from_slice(&self.sums[of * STRIDE..][..STRIDE]);
+            coarse.pass_sums[number * stride..][..stride]
+                .copy_from_slice(&self.pass_sums[of * stride..][..stride]);
+        }
+        coarse.row_samples.fill(1);
+        Ok(coarse)
     }
 
     /// Removes all samples. From now on pixels rest by this rule, if there is one.
@@ -165,7 +207,7 @@ impl FilmBuffer {
     /// All sums, to be overwritten with those that such a device returns, of `samples` samples in every pixel.
     pub fn sums_mut(&mut self, samples: u32) -> &mut [f32] {
         self.row_samples.fill(samples);
-        self.interrupted = None;
+        (self.early, self.interrupted) = (Vec::new(), None);
         &mut self.sums
     }
 
@@ -195,7 +237,8 @@ impl FilmBuffer {
     /// Heap bytes.
     pub fn bytes(&self) -> u64 {
         let resting = self.resting.as_ref().map_or(0, Resting::bytes);
-        ((self.sums.len() + self.pass_sums.len() + self.row_samples.len()) * 4) as u64 + resting
+        let numbers = self.sums.len() + self.pass_sums.len() + self.row_samples.len();
+        (numbers * 4 + self.early.len()) as u64 + resting
     }
 
     /// Removes all samples; no pixel rests.
@@ -206,6 +249,7 @@ impl FilmBuffer {
         self.sums.fill(0.0);
         self.pass_sums.fill(0.0);
         self.row_samples.fill(0);
+        self.early.fill(false);
         self.interrupted = None;
     }
 
@@ -230,11 +274,13 @@ impl FilmBuffer {
     pub fn rows_mut(&mut self) -> impl Iterator<Item = FilmRow<'_>> {
         let mut passes = self.pass_sums.chunks_mut((self.width * self.kept.stride()).max(1));
         let mut most = self.resting.as_ref().map_or(&[][..], Resting::rested).chunks(self.width.max(1));
+        let mut early = self.early.chunks_mut(self.width.max(1));
         self.sums.chunks_mut((self.width * STRIDE).max(1)).zip(&mut self.row_samples).enumerate().map(
             move |(y, (sums, samples))| {
                 let passes = passes.next().unwrap_or_default();
                 let most = most.next().unwrap_or_default();
-                FilmRow { y: y as u32, samples, sums, passes, most }
+                let early = early.next().unwrap_or_default();
+                FilmRow { y: y as u32, samples, sums, passes, most, early }
             },
         )
     }

@@ -10,6 +10,7 @@
 
 pub mod agreement;
 pub mod annotate;
+mod coarse_pixels;
 pub mod cryptomatte;
 pub mod denoise;
 pub mod exr_file;
@@ -33,6 +34,7 @@ pub mod shadow_catcher;
 pub mod view_transform;
 
 pub use annotate::{Annotations, ScaleBar};
+pub use coarse_pixels::CoarsePixels;
 pub use cryptomatte::{Matte, name_mattes};
 pub use denoise::{Denoiser, Guides};
 pub use exr_file::{read_exr, write_exr, write_exr_as, write_exr_half};

@@ -8,7 +8,8 @@
 //! shown when it has come as far.
 //!
 //! An edit cancels the samples under way, so that the first coarse frame of the new scene comes within the time of a few rows.
-//! Coarse frames have fewer pixels than the film and are never mixed into it. Only [`Live::pick`] and [`Live::stop`] wait, and only
+//! Coarse frames have fewer pixels than the film. The processor takes them from the film: first samples of some of its pixels, which are not drawn
+//! again. Elsewhere they have films of their own, and are never mixed into it. Only [`Live::pick`] and [`Live::stop`] wait, and only
 //! until the worker ends its current slice. A panic in the worker ends the worker and is reported by [`Live::status`]; it does not
 //! reach the client.
 

@@ -172,6 +172,19 @@ fn a_large_film_begins_with_coarse_frames_of_the_whole_view() {
     assert_eq!(live.status().counters["frames"], 3);
 }
 
+/// The processor takes coarse frames from the film, so that none is made for them.
+#[test]
+fn coarse_frames_of_the_processor_need_no_film() {
+    let live = Live::start(loaded(scene([640, 360])), spp(1)).unwrap();
+    let idle = |revision| wait_status(&live, |s| s.state == LiveState::Converged && s.revision == revision);
+    assert_eq!(idle(1).counters["rebuilt.film"], 1);
+    let mut camera = live.scene().camera;
+    camera.shift[0] += 0.1;
+    live.edit(vec![SceneEdit::Camera { camera }]).unwrap();
+    let counters = idle(2).counters;
+    assert_eq!((counters["rebuilt.film"], counters["rebuilt.camera"], counters["frames"]), (1, 2, 6));
+}
+
 #[test]
 fn counters_prove_what_each_edit_costs() {
     let live = Live::start(loaded(scene([64, 48])), spp(1)).unwrap();

@@ -42,7 +42,7 @@ pub use lamp::{ReadyLamp, Receiver};
 pub use lights::{LightStrategy, Lights, Sky};
 pub use loaded_scene::{LoadedEdit, LoadedScene};
 pub use material_table::MaterialTable;
-pub use renderer::{Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface};
+pub use renderer::{CoarseFrame, Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface};
 pub use scene_lights::{ReadImage, scene_lights};
 pub use scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source};
 pub use sun::ReadySun;

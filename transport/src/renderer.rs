@@ -4,7 +4,7 @@ use std::time::Duration;
 
 use crate::LoadedScene;
 use pumice_core::{Job, NoMemory};
-use pumice_picture::{Image, Picture};
+use pumice_picture::{Guides, Image, Picture};
 
 /// Why a renderer could not continue.
 #[derive(Debug, thiserror::Error)]
@@ -68,6 +68,17 @@ pub struct SeenSurface {
     pub depth: f32,
 }
 
+/// A frame of fewer pixels than the film, each the first sample of one of the film's.
+#[derive(Clone, Debug)]
+pub struct CoarseFrame {
+    /// Colours, rows from the top.
+    pub color: Image,
+    /// 1 where the sample hit a surface, else 0; `None` unless the film is transparent.
+    pub alpha: Option<Vec<f32>>,
+    /// What the denoiser knows of the first surfaces, where it was asked for.
+    pub guides: Option<Guides>,
+}
+
 /// How often a renderer has built each kind of its data. Tests use it to prove that a camera move rebuilds only the camera, and a colour
 /// edit only colours.
 #[derive(Clone, Copy, Debug, Default, PartialEq, Eq)]
@@ -121,6 +132,34 @@ pub trait Renderer: Send {
     /// # Errors
     /// [`RenderError::Cancelled`] soon after `job` is cancelled.
     fn advance(&mut self, slice: Duration, spp_limit: u32, job: &Job) -> Result<Progress, RenderError>;
+
+    /// Whether this renderer makes [coarse frames](Renderer::coarse_frame) of its film.
+    fn has_coarse_frames(&mut self) -> bool {
+        false
+    }
+
+    /// Adds the first sample to the pixels of the film that a frame of `size` pixels shows, across and down, where they have none, and returns that
+    /// frame, with guides if `guided`. The samples stay in the film. `None` where the renderer makes no coarse frames, or has begun a pass over all
+    /// pixels since the scene was set.
+    ///
+    /// # Errors
+    /// As [`Renderer::advance`].
+    fn coarse_frame(
+        &mut self,
+        _size: [u32; 2],
+        _guided: bool,
+        _job: &Job,
+    ) -> Result<Option<CoarseFrame>, RenderError> {
+        Ok(None)
+    }
+
+    /// What the denoiser knows of the first surfaces of the film.
+    ///
+    /// # Errors
+    /// As [`Renderer::picture`].
+    fn guides(&mut self) -> Result<Option<Guides>, RenderError> {
+        Ok(Guides::of(&self.picture()?)?)
+    }
 
     /// The colours so far: the mean of all samples.
     ///

@@ -163,6 +163,9 @@ impl PixelSampler {
             let key = key_of(self.base, set);
             return scrambled_point(self.sample, key, key, 0).map(unit);
         };
+        if self.sample == 0 {
+            return self.first_place(set).map(unit);
+        }
         let SpreadSet { key, shared, flips } = found.get().unwrap_or_else(|| self.spread_set(set));
         let here = scrambled_point(self.sample, key, shared, SHARED_DIGITS);
         [0, 1, 2].map(|d| unit(here[d] ^ flips[d]))
@@ -188,12 +191,19 @@ impl PixelSampler {
         self.known.set(self.known.get() | 1 << set);
     }
 
+    /// Where the first point of a set lies that is spread over the picture.
+    #[inline]
+    fn first_place(&self, set: u32) -> [u32; 3] {
+        let shared = key_of(self.shared, set);
+        scrambled_point(self.place, shared, shared, 0)
+    }
+
     /// Finds the digits that move the pixel's first point to its place in the sequence across pixels, and keeps them for its other samples.
     #[inline(never)]
     fn spread_set(&self, set: u32) -> SpreadSet {
         let (key, shared) = (key_of(self.base, set), key_of(self.shared, set));
         let first = scrambled_point(0, key, shared, SHARED_DIGITS);
-        let there = scrambled_point(self.place, shared, shared, 0);
+        let there = self.first_place(set);
         let found = SpreadSet { key, shared, flips: [0, 1, 2].map(|d| first[d] ^ there[d]) };
         if let Some(known) = self.spread.get(set as usize) {
             known.set(Some(found));

@@ -204,15 +204,11 @@ mod tests {
                 2
             };
             seen[of] += 1;
-            for c in 0..3 {
+            for (c, &got) in shrunk[i].iter().enumerate() {
                 let (y, f) = (f64::from(noisy.pixels[i][c]), f64::from(filtered.pixels[i][c]));
                 let expected = if sound[i] { y + a * (f - y) } else { f };
                 // Sums of 243 positive floats, of which each addition is off by 2⁻²⁴ at most.
-                assert!(
-                    (f64::from(shrunk[i][c]) - expected).abs() < 5e-5,
-                    "pixel {i}: {} {expected}",
-                    shrunk[i][c]
-                );
+                assert!((f64::from(got) - expected).abs() < 5e-5, "pixel {i}: {got} {expected}");
             }
         }
         assert!(seen.iter().all(|&n| n > 20), "{seen:?}: all kinds of pixels");

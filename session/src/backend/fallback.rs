@@ -12,8 +12,10 @@
 use std::time::Duration;
 
 use pumice_core::Job;
-use pumice_picture::{Image, Picture};
-use pumice_transport::{LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface};
+use pumice_picture::{Guides, Image, Picture};
+use pumice_transport::{
+    CoarseFrame, LoadedScene, Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface,
+};
 
 /// A function that opens a renderer.
 type Open = Box<dyn Fn() -> Result<Box<dyn Renderer>, RenderError> + Send>;
@@ -226,6 +228,24 @@ impl Renderer for FallbackRenderer {
 
     fn prepare_picture(&mut self) -> Result<(), RenderError> {
         self.ask_anew(|renderer| renderer.prepare_picture())
+    }
+
+    fn has_coarse_frames(&mut self) -> bool {
+        // What cannot be opened is told when a scene is set.
+        self.opened().is_ok_and(|renderer| renderer.has_coarse_frames())
+    }
+
+    fn coarse_frame(
+        &mut self,
+        size: [u32; 2],
+        guided: bool,
+        job: &Job,
+    ) -> Result<Option<CoarseFrame>, RenderError> {
+        self.ask_anew(|renderer| renderer.coarse_frame(size, guided, job))
+    }
+
+    fn guides(&mut self) -> Result<Option<Guides>, RenderError> {
+        self.ask_anew(|renderer| renderer.guides())
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {

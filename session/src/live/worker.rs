@@ -44,14 +44,16 @@ pub(super) struct Worker {
     denoised_on_device: bool,
     /// How long the last frame took to be denoised.
     denoising: Duration,
-    /// The revision that the renderer shows on its whole film.
+    /// The revision that the renderer shows on its whole film, with samples in every pixel or about to.
     whole: Option<u64>,
+    /// Whether the scene that was set last has the whole film.
+    is_whole_set: bool,
 }
 
 /// A revision as it is drawn.
 struct View<'a> {
     revision: u64,
-    /// The scene with the coarse films, the coarsest first, and with the whole film.
+    /// The scene with the coarse films, the coarsest first, for renderers that make no coarse frames of the whole film.
     coarse: Vec<LoadedScene>,
     whole: LoadedScene,
     clock: Stopwatch,
@@ -60,10 +62,29 @@ struct View<'a> {
 
 /// Where a renderer begins with a revision.
 enum Beginning {
-    /// With the coarse frames. The first scene may be set already.
+    /// With the coarse frames. The scene of the first may be set already.
     Coarse { is_set: bool },
     /// With the whole film, after another has shown so many samples of it.
     Whole { shown_spp: u32 },
+}
+
+/// A frame to publish.
+struct Made {
+    image: Image,
+    alpha: Option<Vec<f32>>,
+    /// Whether it was denoised.
+    filtered: bool,
+}
+
+/// How far a picture has come when a frame of it is published.
+#[derive(Clone, Copy, PartialEq, Eq)]
+enum Stage {
+    /// It has fewer pixels than the film.
+    Coarse,
+    /// Samples follow.
+    Refining,
+    /// It is done.
+    Converged,
 }
 
 /// Why the worker stops drawing a revision.
@@ -79,8 +100,18 @@ enum Turn {
 impl Worker {
     pub(super) fn new(shared: Arc<Shared>, renderer: FallbackRenderer, stop: Stop, denoise: bool) -> Self {
         let (stand_in, guides, denoised_on_device) = (None, None, false);
-        let (denoising, whole) = (Duration::ZERO, None);
-        Self { shared, renderer, stand_in, stop, denoise, guides, denoised_on_device, denoising, whole }
+        Self {
+            shared,
+            renderer,
+            stand_in,
+            stop,
+            denoise,
+            guides,
+            denoised_on_device,
+            denoising: Duration::ZERO,
+            whole: None,
+            is_whole_set: false,
+        }
     }
 
     /// Draws until it is stopped. A panic ends the worker and is reported in the status.
@@ -173,7 +204,7 @@ impl Worker {
         let view = View { revision, coarse, whole, clock, job };
 
         let former = self.stand_in.take();
-        self.show(view.coarse.first().unwrap_or(&view.whole))?;
+        self.begin(&view)?;
         let patience = if former.is_some() { Duration::ZERO } else { PATIENCE };
         if !self.is_prepared(patience, job)?
             && let Some(stand_in) = former.or_else(|| self.standing_in(scene))
@@ -188,7 +219,7 @@ impl Worker {
                 Err(RenderError::Scene(_) | RenderError::Memory(_)) => {
                     // Such as too little memory for both: the renderer draws as soon as it can.
                     self.leave_stand_in();
-                    self.show(view.coarse.first().unwrap_or(&view.whole))?;
+                    self.begin(&view)?;
                 }
                 Err(RenderError::Device(error)) => {
                     self.leave_stand_in();
@@ -209,17 +240,26 @@ impl Worker {
             Beginning::Whole { shown_spp } => (false, shown_spp, clock.seconds()),
         };
         if let Beginning::Coarse { .. } = beginning {
-            for scene in &view.coarse {
-                if !std::mem::take(&mut is_set) {
-                    self.show(scene)?;
+            if self.drawing().has_coarse_frames() {
+                // A device that failed meanwhile may have been shown a coarse film.
+                if !(is_set && self.is_whole_set) {
+                    self.show(view, None)?;
                 }
-                let progress = self.drawing().advance(Duration::ZERO, 1, job)?;
-                // If a device failure restarted the picture meanwhile, there is nothing to show yet.
-                self.publish(view.revision, progress, clock, true, false)?;
+                is_set = true;
+                self.draw_coarse_frames(view)?;
+            } else {
+                for place in 0..view.coarse.len() {
+                    if !std::mem::take(&mut is_set) {
+                        self.show(view, Some(place))?;
+                    }
+                    let progress = self.drawing().advance(Duration::ZERO, 1, job)?;
+                    // If a device failure restarted the picture meanwhile, there is nothing to show yet.
+                    self.publish(view.revision, progress, clock, Stage::Coarse)?;
+                }
             }
         }
         if !is_set {
-            self.show(&view.whole)?;
+            self.show(view, None)?;
         }
         self.whole = Some(view.revision);
         self.shared.board().error = None;
@@ -240,7 +280,8 @@ impl Worker {
                 || (progress.spp > published_spp
                     && last_published.elapsed() >= slice.max(2 * self.denoising));
             if done || (is_due && !is_behind) {
-                let begun_anew = !self.publish(view.revision, progress, clock, false, done)?;
+                let stage = if done { Stage::Converged } else { Stage::Refining };
+                let begun_anew = !self.publish(view.revision, progress, clock, stage)?;
                 if begun_anew {
                     published_spp = 0;
                     continue;
@@ -294,10 +335,37 @@ impl Worker {
         self.whole = None;
     }
 
-    fn show(&mut self, scene: &LoadedScene) -> std::result::Result<(), RenderError> {
+    /// Sets the scene that the first frame is made of.
+    fn begin(&mut self, view: &View<'_>) -> std::result::Result<(), RenderError> {
+        let is_coarse = !self.drawing().has_coarse_frames() && !view.coarse.is_empty();
+        self.show(view, is_coarse.then_some(0))
+    }
+
+    /// Sets the scene with the coarse film at this place, or with the whole film.
+    fn show(&mut self, view: &View<'_>, coarse: Option<usize>) -> std::result::Result<(), RenderError> {
         self.guides = None;
         self.denoised_on_device = false;
-        self.drawing().set_scene(scene)
+        self.is_whole_set = coarse.is_none();
+        self.drawing().set_scene(coarse.map_or(&view.whole, |place| &view.coarse[place]))
+    }
+
+    /// Publishes the coarse frames that the renderer makes of the whole film. Their samples stay in it.
+    fn draw_coarse_frames(&mut self, view: &View<'_>) -> std::result::Result<(), RenderError> {
+        for scene in &view.coarse {
+            let Film { width, height, .. } = scene.scene().film;
+            let denoise = self.denoise;
+            let Some(frame) = self.drawing().coarse_frame([width, height], denoise, view.job)? else {
+                return Ok(());
+            };
+            let (image, filtered) = match &frame.guides {
+                Some(guides) => (denoised(&frame.color, None, guides)?, true),
+                None => (frame.color, false),
+            };
+            let progress = Progress { spp: 1, mean_spp: 1.0, error_estimate: f64::INFINITY, all_rest: false };
+            let made = Made { image, alpha: frame.alpha, filtered };
+            self.put(view.revision, progress, &view.clock, made, Stage::Coarse)?;
+        }
+        Ok(())
     }
 
     /// The picture to show, and whether it is denoised, on the renderer's device if that can.
@@ -324,10 +392,7 @@ impl Worker {
     /// The picture that the processor denoised and `true`; the picture as it is and `false` if a device failure restarted the film meanwhile.
     fn filtered(&mut self, image: Image) -> std::result::Result<(Image, bool), RenderError> {
         if self.guides.is_none() {
-            self.guides = match self.drawing().picture() {
-                Err(RenderError::Restarted) => None,
-                picture => Guides::of(&picture?)?,
-            };
+            self.guides = self.drawing().guides()?;
         }
         let variance = match self.drawing().variance() {
             Err(RenderError::Restarted) => return Ok((image, false)),
@@ -419,10 +484,9 @@ impl Worker {
         revision: u64,
         progress: Progress,
         clock: &Stopwatch,
-        coarse: bool,
-        converged: bool,
+        stage: Stage,
     ) -> std::result::Result<bool, RenderError> {
-        let (image, filtered) = match self.image(self.denoise && !converged) {
+        let (image, filtered) = match self.image(self.denoise && stage != Stage::Converged) {
             Err(RenderError::Restarted) => return Ok(false),
             made => made?,
         };
@@ -430,6 +494,20 @@ impl Worker {
             Err(RenderError::Restarted) => return Ok(false),
             alpha => alpha?,
         };
+        self.put(revision, progress, clock, Made { image, alpha, filtered }, stage)?;
+        Ok(true)
+    }
+
+    /// Makes a picture the newest frame.
+    fn put(
+        &self,
+        revision: u64,
+        progress: Progress,
+        clock: &Stopwatch,
+        made: Made,
+        stage: Stage,
+    ) -> std::result::Result<(), RenderError> {
+        let Made { image, alpha, filtered } = made;
         let rgba = rows_from_bottom(&image, alpha.as_deref())?;
         let mut board = self.shared.board();
         let serial = board.frame.as_ref().map_or(0, |f| f.serial) + 1;
@@ -444,11 +522,11 @@ impl Worker {
             error_estimate: progress.error_estimate,
             seconds: clock.seconds(),
             cpu_seconds: clock.cpu_seconds(),
-            coarse,
+            coarse: stage == Stage::Coarse,
             filtered,
-            converged,
+            converged: stage == Stage::Converged,
         }));
-        Ok(true)
+        Ok(())
     }
 }
 

@@ -100,6 +100,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("picture/src/provenance_text.rs", FILE_FORMAT),
     ("picture/src/radiance_file.rs", FILE_FORMAT),
     ("picture/src/sample_pictures.rs", "pictures for tests of files"),
+    ("picture/src/coarse_pixels.rs", COARSE),
     ("picture/src/image.rs", "pictures on the host"),
     ("picture/src/picture.rs", "pictures on the host"),
     ("picture/src/resting.rs", "the host decides which pixels rest, and sends a word for each"),
@@ -137,6 +138,7 @@ const KEPT: &str =
     "finds weights that the CPU has kept or computes together; a shader computes each where it is needed";
 const ON_DISK: &str =
     "loads pages in the middle of a ray; on a device the host loads them between launches (pages.glsl)";
+const COARSE: &str = "coarse frames of the film; a device draws them on films of their own";
 const SHOWN: &str = "the host computes it from the sums, for both renderers";
 
 /// Functions that only the host computes.
@@ -268,6 +270,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("PixelSampler::set_sample", SAMPLE_BY_SAMPLE),
             ("PixelSampler::make_block", SAMPLE_BY_SAMPLE),
             ("PixelSampler::spread_set", SAMPLE_BY_SAMPLE),
+            (
+                "PixelSampler::first_place",
+                "the first point alone; a shader finds it with its flips, as those of other samples",
+            ),
             ("scrambled_block", SAMPLE_BY_SAMPLE),
         ],
     ),
@@ -326,6 +332,9 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("PathTracer::advance", "schedules samples; src/slices.rs and src/renderer.rs do it for devices"),
             ("PathTracer::error_estimate", SHOWN),
             ("PathTracer::picture", SHOWN),
+            ("PathTracer::surfaces", SHOWN),
+            ("PathTracer::add_early", COARSE),
+            ("PathTracer::adding", "borrows what samples are added with"),
         ],
     ),
     (
@@ -587,6 +596,9 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("FilmBuffer::interrupted_at", "the host takes over where a device was interrupted"),
             ("FilmBuffer::error_of_strips", "adds up what a device finds"),
             ("FilmBuffer::error_estimate", SHOWN),
+            ("FilmBuffer::is_before_passes", COARSE),
+            ("FilmBuffer::allow_early", COARSE),
+            ("FilmBuffer::coarse", COARSE),
         ],
     ),
     (
@@ -713,7 +725,11 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     (
         "cpu-renderer/src/path_tracer.rs",
-        &[("PathTracer::pick", "first_of_pixel"), ("PathTracer::first", "first_of_pixel")],
+        &[
+            ("PathTracer::pick", "first_of_pixel"),
+            ("PathTracer::first", "first_of_pixel"),
+            ("Adding::add", "add_samples"),
+        ],
     ),
     (
         "cpu-renderer/src/film_sample.rs",
