@@ -245,7 +245,7 @@ impl Renderer for FallbackRenderer {
     }
 
     fn guides(&mut self) -> Result<Option<Guides>, RenderError> {
-        self.ask_anew(|renderer| renderer.guides())
+        self.ask(|renderer| renderer.guides())
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {

@@ -392,7 +392,10 @@ impl Worker {
     /// The picture that the processor denoised and `true`; the picture as it is and `false` if a device failure restarted the film meanwhile.
     fn filtered(&mut self, image: Image) -> std::result::Result<(Image, bool), RenderError> {
         if self.guides.is_none() {
-            self.guides = self.drawing().guides()?;
+            self.guides = match self.drawing().guides() {
+                Err(RenderError::Restarted) => None,
+                guides => guides?,
+            };
         }
         let variance = match self.drawing().variance() {
             Err(RenderError::Restarted) => return Ok((image, false)),
