@@ -2,7 +2,7 @@
 //!
 //! ```text
 //! film      a pixel: sums of samples, sums of passes, whether it rests; the colour, which is made of them
-//! picture   a pixel: first surface (with the record that it is taken from), passes of light, mattes
+//! picture   a pixel: first surface; with it the record that it is taken from, then passes of light and mattes, whichever is more
 //! ```
 //! Both exist at once when a picture is finished. What is counted here is really written to, so a film that is refused for it would not
 //! have fitted; what comes on top, such as a variance or the buffers of a file's writer, is not counted.
@@ -36,7 +36,7 @@ fn picture_bytes(film: &Film, kept: PassSums) -> u64 {
         + NUMBER * (u64::from(film.transparent) + u64::from(film.passes.has(Pass::Samples)))
         // A layer of a matte has four numbers a pixel and holds two ranks.
         + 4 * NUMBER * mattes * u64::from(kept.ranks / 2);
-    pixels_of(film) * (FIRST + always + of_passes)
+    pixels_of(film) * (always + of_passes.max(FIRST))
 }
 
 fn pixels_of(film: &Film) -> u64 {
@@ -101,7 +101,7 @@ mod tests {
 
     #[test]
     fn the_film_that_no_machine_holds_is_refused_with_its_size() {
-        // 2³⁰ pixels, which scenes may have, at 496 bytes each.
+        // 2³⁰ pixels, which scenes may have, at 452 bytes each.
         let huge = film(65_536, 16_384, Passes::ALL);
         let kept = PassSums::of(&huge, true);
         let error = check(&huge, kept, None, 0).unwrap_err().to_string();
@@ -126,29 +126,32 @@ mod tests {
             assert_eq!(bytes % 70, 0);
             bytes / 70
         };
-        // Four classes of three floats and the colour; depth, label, base colour, normal and position, found and kept.
-        let plain = 4 * 12 + 12 + 2 * (4 + 4 + 3 * 12);
+        // Four classes of three floats and the colour; depth, label, base colour, normal and position, found and kept. Passes of up to as many
+        // bytes find room where these were found.
+        let found = 4 + 4 + 3 * 12;
+        let plain = 4 * 12 + 12 + 2 * found;
         assert_eq!(of(&[], false, false, false), plain);
         let shown = film(10, 7, Passes::NONE);
         assert_eq!(shown_bytes_of(&shown, PassSums::of(&shown, false)), 70 * (4 * 12 + 12 + 16));
         assert_eq!(of(&[], false, true, false), plain + 4, "a number of samples at rest");
-        assert_eq!(of(&[], true, false, false), plain + 4 + 4, "alpha in the film and in the picture");
-        assert_eq!(of(&[Pass::Samples], false, false, false), plain + 4);
+        assert_eq!(of(&[], true, false, false), plain + 4, "alpha in the film");
+        assert_eq!(of(&[Pass::Samples], false, false, false), plain);
         assert_eq!(of(&[Pass::Albedo], false, false, false), plain + 6 * 4, "sums of colour and normal");
         // Eleven sums of light in the film, however many are asked for; a colour each in the picture.
-        assert_eq!(of(&[Pass::DiffuseColor], false, false, false), plain + 11 * 12 + 12);
-        assert_eq!(of(&[Pass::DiffuseColor, Pass::Emission], false, false, false), plain + 11 * 12 + 24);
+        let colors = [Pass::DiffuseColor, Pass::Emission, Pass::GlossyColor, Pass::Environment];
+        assert_eq!(of(&colors[..1], false, false, false), plain + 11 * 12);
+        assert_eq!(of(&colors, false, false, false), plain + 11 * 12 + 4 * 12 - found);
         // Six ranks: twelve slots of two numbers in the film, three layers of four numbers in the picture.
         let matte = 12 * 2 * 4 + 3 * 16;
-        assert_eq!(of(&[Pass::CryptomatteLabel], false, false, false), plain + matte);
+        assert_eq!(of(&[Pass::CryptomatteLabel], false, false, false), plain + matte - found);
         assert_eq!(
             of(&[Pass::CryptomatteLabel, Pass::CryptomatteType], false, false, false),
-            plain + 2 * matte
+            plain + 2 * matte - found
         );
         // Light of catchers: 11 floats of each class, or 8 where the picture does not show what is behind.
         assert_eq!(of(&[], false, false, true), plain + 4 * 11 * 4);
-        assert_eq!(of(&[], true, false, true), plain + 4 + 4 + 4 * 8 * 4);
-        assert_eq!(of(&[Pass::ShadowCatcher], false, false, true), plain + 4 * 8 * 4 + 12);
+        assert_eq!(of(&[], true, false, true), plain + 4 + 4 * 8 * 4);
+        assert_eq!(of(&[Pass::ShadowCatcher], false, false, true), plain + 4 * 8 * 4);
     }
 
     #[test]

@@ -264,6 +264,8 @@ impl Shown {
             position: Some(image(|f| f.position)?),
             ..Picture::of(film.mean().map_err(memory)?)
         };
+        // Passes need the memory that these records took.
+        drop(firsts);
         let passes = self.scene.scene().film.passes;
         let mut picture = film.passes_into(picture, passes).map_err(memory)?;
         name_mattes(&mut picture, self.scene.scene(), self.scene.volumes());
