@@ -63,10 +63,10 @@ pub struct FilmBuffer {
     kept: PassSums,
     /// Samples in each pixel of a row, by row: rows differ only after a cancelled pass.
     row_samples: Vec<u32>,
+    /// The rows in which some pixels have more samples than `row_samples` says: a device was interrupted there.
+    interrupted: Option<Interrupted>,
     /// Which pixels have one sample more than their row, because coarse frames show them; empty where none does.
     early: Vec<bool>,
-    /// The rows in which some pixels have more than that: a device was interrupted there.
-    interrupted: Option<Interrupted>,
     /// Which pixels rest, if adaptive sampling is on.
     pub(crate) resting: Option<Resting>,
 }

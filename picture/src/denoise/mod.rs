@@ -21,8 +21,8 @@
 //! from noisier pixels loses the light of rare bright samples.
 //!
 //! **What noise does not explain comes back**: the result is a mixture of the noisy and the filtered picture, with more of the noisy one where the
-//! filter changed more than the variance says. So a picture of many samples is never much worse for the filter, which left reflections of
-//! bright spots with up to 1.4 times the error of the noisy picture.
+//! filter changed more than the variance says. Without this, reflections of bright spots have up to 1.4 times the error of the noisy
+//! picture at 64 samples; with it, less than two thirds.
 //!
 //! Light is divided by the base colour before, and multiplied by that of its own pixel after. Within a label the base colour is one and
 //! the same, so this changes nothing on pure pixels, and carries over light between pixels that an edge mixes differently.
