@@ -333,21 +333,17 @@ impl Renderer for CpuRenderer {
         tracer.add_early(&pixels, job)?;
         let coarse = tracer.film().coarse(&pixels)?;
         let (color, alpha) = (coarse.mean()?, coarse.alpha()?);
-        let guides = match guided {
-            true => Guides::of(&tracer.surfaces(color.clone(), |number| pixels.pixel(number))?)?,
-            false => None,
-        };
+        let guides = guided.then(|| tracer.guides(&pixels)).transpose()?;
         tracer.check()?;
         Ok(Some(CoarseFrame { color, alpha, guides }))
     }
 
     fn guides(&mut self) -> Result<Option<Guides>, RenderError> {
-        let tracer = &self.shown()?.tracer;
-        let (width, height) = tracer.film().size();
-        let all = CoarsePixels::new([width as u32, height as u32], [width as u32, height as u32]);
-        let picture = tracer.surfaces(tracer.film().mean()?, |number| all.pixel(number))?;
+        let Shown { tracer, scene, .. } = self.shown()?;
+        let Film { width, height, .. } = scene.scene().film;
+        let guides = tracer.guides(&CoarsePixels::new([width, height], [width, height]))?;
         tracer.check()?;
-        Ok(Guides::of(&picture)?)
+        Ok(Some(guides))
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {

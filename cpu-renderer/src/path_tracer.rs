@@ -7,11 +7,13 @@ use std::time::{Duration, Instant};
 use pumice_core::reserve::{collected, collected_by_threads};
 use pumice_core::{Job, NoMemory};
 use pumice_picture::film::{CLASSES, PICTURE, STRIDE};
-use pumice_picture::{CoarsePixels, FilmBuffer, Image, PassSums, Picture};
+use pumice_picture::{CoarsePixels, FilmBuffer, GuideSurface, Guides, Image, PassSums, Picture};
 use pumice_scene::{Camera, Film, Passes};
 use pumice_transport::camera_rays::CameraRays;
 use pumice_transport::sampler::PixelSampler;
-use pumice_transport::{FilterTable, PathOrigin, Progress, RenderError, SurfaceKind, Tracer};
+use pumice_transport::{
+    FilterTable, Hit, PathOrigin, Progress, RayInWorld, RenderError, SurfaceKind, Tracer,
+};
 use rayon::prelude::*;
 
 use crate::film_sample::AovSample;
@@ -231,10 +233,15 @@ impl<T: Tracer> PathTracer<T> {
     }
 
     /// The surface seen through the middle of a pixel from the aperture's centre, and its depth along the view axis.
-    pub fn pick(&self, x: u32, y: u32) -> Option<(pumice_transport::Hit, f64)> {
-        let (ray, t_max) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
-        let hit = self.tracer.first_hit(&ray, PathOrigin::Free, t_max)?;
+    pub fn pick(&self, x: u32, y: u32) -> Option<(Hit, f64)> {
+        let (_, hit) = self.seen(x, y)?;
         Some((hit, hit.t + self.rays.near()))
+    }
+
+    /// The ray through the middle of a pixel from the aperture's centre, and what it hits.
+    fn seen(&self, x: u32, y: u32) -> Option<(RayInWorld, Hit)> {
+        let (ray, t_max) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
+        Some((ray, self.tracer.first_hit(&ray, PathOrigin::Free, t_max)?))
     }
 
     /// The picture so far; depth, label, base colour and normal are those seen through the middle of each pixel. Instances
@@ -243,71 +250,62 @@ impl<T: Tracer> PathTracer<T> {
     /// # Errors
     /// [`NoMemory`].
     pub fn picture(&self) -> Result<Picture, NoMemory> {
+        let color = self.film.mean()?;
         let variance = (self.film.spp() >= CLASSES).then(|| self.film.variance());
-        let width = self.film.size().0;
-        let surfaces = self.surfaces(self.film.mean()?, |i| [(i % width) as u32, (i / width) as u32])?;
-        self.film.passes_into(Picture { variance: variance.transpose()?, ..surfaces }, self.wanted)
+        let (width, height) = self.film.size();
+        let first = |i: usize| self.first((i % width) as u32, (i / width) as u32);
+        let firsts: Vec<Option<First>> =
+            collected_by_threads((0..width * height).into_par_iter().map(first), PICTURE)?;
+        let image = |of: fn(&First) -> [f32; 3]| {
+            let pixels = firsts.iter().map(|f| f.as_ref().map_or([0.0; 3], of));
+            Ok::<_, NoMemory>(Image::new(width, height, collected(firsts.len(), pixels, PICTURE)?))
+        };
+        let ids = |of: fn(&First) -> u32| {
+            collected(firsts.len(), firsts.iter().map(|f| f.as_ref().map_or(0, of)), PICTURE)
+        };
+        let depth = firsts.iter().map(|f| f.as_ref().map_or(f32::INFINITY, |f| f.depth));
+        let picture = Picture {
+            depth: Some(collected(firsts.len(), depth, PICTURE)?),
+            label: Some(ids(|f| f.surface.label)?),
+            instance: Some(ids(|f| f.surface.instance)?),
+            albedo: Some(image(|f| f.surface.albedo)?),
+            normal: Some(image(|f| f.surface.normal)?),
+            position: Some(image(|f| f.position)?),
+            variance: variance.transpose()?,
+            ..Picture::of(color)
+        };
+        drop(firsts);
+        self.film.passes_into(picture, self.wanted)
     }
 
-    /// Colours with the first surfaces that are seen through the middles of pixels of the film; `pixel` is that of a colour, by its number.
+    /// What the denoiser knows of these pixels of the film: their first surfaces, as [`PathTracer::picture`] has them.
     ///
     /// # Errors
     /// [`NoMemory`].
-    pub fn surfaces(
-        &self,
-        color: Image,
-        pixel: impl Fn(usize) -> [u32; 2] + Sync + Send,
-    ) -> Result<Picture, NoMemory> {
-        let (width, height) = (color.width, color.height);
-        let first = |i: usize| {
-            let [x, y] = pixel(i);
-            self.first(x, y)
-        };
-        let firsts: Vec<First> =
-            collected_by_threads((0..width * height).into_par_iter().map(first), PICTURE)?;
-        let image = |f: fn(&First) -> [f32; 3]| {
-            let pixels = collected(firsts.len(), firsts.iter().map(f), PICTURE)?;
-            Ok::<_, NoMemory>(Image::new(width, height, pixels))
-        };
-        Ok(Picture {
-            depth: Some(collected(firsts.len(), firsts.iter().map(|f| f.depth), PICTURE)?),
-            label: Some(collected(firsts.len(), firsts.iter().map(|f| f.label), PICTURE)?),
-            instance: Some(collected(firsts.len(), firsts.iter().map(|f| f.instance), PICTURE)?),
-            albedo: Some(image(|f| f.albedo)?),
-            normal: Some(image(|f| f.normal)?),
-            position: Some(image(|f| f.position)?),
-            ..Picture::of(color)
+    pub fn guides(&self, pixels: &CoarsePixels) -> Result<Guides, NoMemory> {
+        Guides::by_pixels(pixels.size().map(|n| n as usize), |column, row| {
+            let [x, y] = pixels.pixel(column as u32, row as u32);
+            self.first(x, y).map(|first| first.surface)
         })
     }
 
-    fn first(&self, x: u32, y: u32) -> First {
-        match self.pick(x, y) {
-            None => First {
-                depth: f32::INFINITY,
-                label: 0,
-                instance: 0,
-                albedo: [0.0; 3],
-                normal: [0.0; 3],
-                position: [0.0; 3],
+    /// The first surface seen through the middle of a pixel.
+    fn first(&self, x: u32, y: u32) -> Option<First> {
+        let (ray, hit) = self.seen(x, y)?;
+        let point = ray.origin + ray.direction * hit.t;
+        let normal = if hit.from_inside { -hit.normal_in_world } else { hit.normal_in_world };
+        let normal = self.tracer.shading_normal(&hit, point, normal).unwrap_or(normal);
+        let materials = &self.around.materials[hit.surface.instance as usize];
+        Some(First {
+            position: point.as_vec3().to_array(),
+            depth: (hit.t + self.rays.near()) as f32,
+            surface: GuideSurface {
+                normal: normal.as_vec3().to_array(),
+                albedo: materials.material(hit.surface.label).base_color,
+                label: if hit.surface.kind == SurfaceKind::Triangle { 0 } else { hit.surface.label + 1 },
+                instance: hit.surface.instance,
             },
-            Some((hit, depth)) => {
-                let (ray, _) = self.rays.ray(f64::from(x) + 0.5, f64::from(y) + 0.5);
-                let point = ray.origin + ray.direction * hit.t;
-                First {
-                    position: point.as_vec3().to_array(),
-                    depth: depth as f32,
-                    label: if hit.surface.kind == SurfaceKind::Triangle { 0 } else { hit.surface.label + 1 },
-                    instance: hit.surface.instance,
-                    albedo: self.around.materials[hit.surface.instance as usize]
-                        .material(hit.surface.label)
-                        .base_color,
-                    normal: {
-                        let n = if hit.from_inside { -hit.normal_in_world } else { hit.normal_in_world };
-                        self.tracer.shading_normal(&hit, point, n).unwrap_or(n).as_vec3().to_array()
-                    },
-                }
-            }
-        }
+        })
     }
 }
 
@@ -365,13 +363,10 @@ impl<T: Tracer> Adding<'_, T> {
     }
 }
 
-/// The first surface seen through the middle of a pixel.
+/// The first surface seen through the middle of a pixel. Its instance is the position in the scene's list.
 struct First {
+    /// Along the view axis.
     depth: f32,
-    label: u32,
-    /// Position of the instance in the scene's list.
-    instance: u32,
-    albedo: [f32; 3],
-    normal: [f32; 3],
     position: [f32; 3],
+    surface: GuideSurface,
 }

@@ -30,10 +30,8 @@ impl CoarsePixels {
         (0..frame[1]).map(move |y| middle(y, frame[1], film[1]))
     }
 
-    /// The pixel of the film, from the left and from the top, that a pixel of the frame shows, by its number from the upper left.
-    pub fn pixel(&self, number: usize) -> [u32; 2] {
-        let width = self.frame[0].max(1) as usize;
-        let (x, y) = ((number % width) as u32, (number / width) as u32);
+    /// The pixel of the film that a pixel of the frame shows; both from the left and from the top.
+    pub fn pixel(&self, x: u32, y: u32) -> [u32; 2] {
         [middle(x, self.frame[0], self.film[0]), middle(y, self.frame[1], self.film[1])]
     }
 }
@@ -65,10 +63,13 @@ mod tests {
     }
 
     #[test]
-    fn a_pixels_number_is_counted_by_rows() {
+    fn a_pixel_lies_in_its_column_and_row() {
         let pixels = CoarsePixels::new([9, 6], [3, 2]);
-        let all: Vec<_> = pixels.rows().flat_map(|y| pixels.columns().map(move |x| [x, y])).collect();
-        assert_eq!(all, (0..6).map(|number| pixels.pixel(number)).collect::<Vec<_>>());
-        assert_eq!((all[0], all[5]), ([1, 1], [7, 4]));
+        for (y, row) in (0..).zip(pixels.rows()) {
+            for (x, column) in (0..).zip(pixels.columns()) {
+                assert_eq!(pixels.pixel(x, y), [column, row]);
+            }
+        }
+        assert_eq!((pixels.pixel(0, 0), pixels.pixel(2, 1)), ([1, 1], [7, 4]));
     }
 }

@@ -170,8 +170,8 @@ impl FilmBuffer {
         let [width, height] = pixels.size();
         let mut coarse = Self::with_passes(width, height, self.kept)?;
         let stride = self.kept.stride();
-        for number in 0..coarse.pixels() {
-            let [x, y] = pixels.pixel(number).map(|at| at as usize);
+        let places = pixels.rows().flat_map(|y| pixels.columns().map(move |x| [x as usize, y as usize]));
+        for (number, [x, y]) in places.enumerate() {
             let of = y * self.width + x;
             coarse.sums[number * STRIDE..][..STRIDE].copy_from_slice(&self.sums[of * STRIDE..][..STRIDE]);
             coarse.pass_sums[number * stride..][..stride]

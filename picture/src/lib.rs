@@ -36,7 +36,7 @@ pub mod view_transform;
 pub use annotate::{Annotations, ScaleBar};
 pub use coarse_pixels::CoarsePixels;
 pub use cryptomatte::{Matte, name_mattes};
-pub use denoise::{Denoiser, Guides};
+pub use denoise::{Denoiser, GuideSurface, Guides};
 pub use exr_file::{read_exr, write_exr, write_exr_as, write_exr_half};
 pub use film::FilmBuffer;
 pub use image::Image;

@@ -73,7 +73,7 @@ fn each_pixel_of_a_coarse_frame_is_a_first_sample() {
             assert!(frame.guides.unwrap().fit(&frame.color), "{name}");
             assert_eq!(frame.alpha.is_some(), alpha.is_some(), "{name}");
             for (number, color) in frame.color.pixels.iter().enumerate() {
-                let [x, y] = pixels.pixel(number);
+                let [x, y] = pixels.pixel(number as u32 % size[0], number as u32 / size[0]);
                 let of = (y * FILM[0] + x) as usize;
                 assert_eq!(*color, picture.color.pixels[of], "{name}, {size:?}: {x} {y}");
                 let shown = frame.alpha.as_ref().map(|alpha| alpha[number]);
@@ -120,7 +120,7 @@ fn a_film_has_the_samples_of_its_coarse_frames_alone() {
     let color = renderer.color().unwrap();
     let pixels = CoarsePixels::new(FILM, FRAMES[1]);
     let shown: std::collections::BTreeSet<_> =
-        (0..(FRAMES[1][0] * FRAMES[1][1]) as usize).map(|number| pixels.pixel(number)).collect();
+        pixels.rows().flat_map(|y| pixels.columns().map(move |x| [x, y])).collect();
     let (picture, _) = plain(scene, 1);
     for (i, pixel) in color.pixels.iter().enumerate() {
         let at = [i as u32 % FILM[0], i as u32 / FILM[0]];

@@ -1,8 +1,9 @@
 //! The first surface of each pixel, known without noise, which tells the filter what belongs together.
 
 use pumice_core::NoMemory;
+use rayon::prelude::*;
 
-use super::planes::{Layout, Triple};
+use super::planes::{Layout, MARGIN, Triple};
 use crate::image::Image;
 use crate::picture::Picture;
 
@@ -12,6 +13,27 @@ const NORMAL: f32 = 4.0;
 
 /// Squared difference of base colours at which a neighbour gets weight 0: colours that are distinguishable side by side.
 const ALBEDO: f32 = 0.01;
+
+/// The first surface at a pixel.
+#[derive(Clone, Copy, Debug)]
+pub struct GuideSurface {
+    /// Unit normal towards the camera, in the world.
+    pub normal: [f32; 3],
+    /// Base colour, linear Rec. 709.
+    pub albedo: [f32; 3],
+    /// Row of the label + 1; 0 on meshes.
+    pub label: u32,
+    /// Instance of that label.
+    pub instance: u32,
+}
+
+impl GuideSurface {
+    /// Whether everything is finite and no base colour is below 0.
+    fn is_sound(&self) -> bool {
+        let is_color = |a: &f32| a.is_finite() && *a >= 0.0;
+        self.normal.iter().all(|v| v.is_finite()) && self.albedo.iter().all(is_color)
+    }
+}
 
 /// The first surface at each pixel.
 #[derive(Clone, Debug)]
@@ -23,7 +45,7 @@ pub struct Guides {
     pub(super) label: Vec<u32>,
     /// Instance of that label; 0 throughout a picture of one instance.
     pub(super) instance: Vec<u32>,
-    /// 1 where there is a surface, of which everything is finite and no base colour is below 0; else 0.
+    /// 1 where there is a surface whose properties are sound; else 0, as is everything else there.
     pub(super) is_surface: Vec<f32>,
 }
 
@@ -32,33 +54,65 @@ impl Guides {
     /// of one size.
     ///
     /// # Errors
-    /// [`NoMemory`] where there is none for 36 bytes a pixel.
+    /// As [`Guides::by_pixels`].
     pub fn of(picture: &Picture) -> Result<Option<Self>, NoMemory> {
         let (Some(depth), Some(label)) = (&picture.depth, &picture.label) else { return Ok(None) };
         let (Some(normal), Some(albedo)) = (&picture.normal, &picture.albedo) else { return Ok(None) };
-        let layout = Layout { width: picture.color.width, height: picture.color.height };
-        let pixels = layout.width * layout.height;
+        let (width, height) = (picture.color.width, picture.color.height);
         let instance = picture.instance.as_deref();
         let lengths = [depth.len(), label.len(), normal.pixels.len(), albedo.pixels.len()];
-        if lengths.iter().any(|&n| n != pixels) || instance.is_some_and(|of| of.len() != pixels) {
+        if lengths.iter().any(|&n| n != width * height) || instance.is_some_and(|of| of.len() != depth.len())
+        {
             return Ok(None);
         }
-        let (normal, albedo) = (&normal.pixels, &albedo.pixels);
-        let is_surface = layout.plane(|i, _| {
-            let is_known = normal[i].iter().all(|v| v.is_finite()) && albedo[i].iter().all(|&a| a >= 0.0);
-            let is_surface = depth[i].is_finite() && is_known && albedo[i].iter().all(|a| a.is_finite());
-            f32::from(u8::from(is_surface))
-        })?;
-        // What is no number compares with nothing, and 0 times it is no number either.
-        let known = |of: f32, at: usize| if is_surface[at] > 0.0 { of } else { 0.0 };
-        Ok(Some(Self {
+        let surface = |x: usize, y: usize| {
+            let i = y * width + x;
+            depth[i].is_finite().then(|| GuideSurface {
+                normal: normal.pixels[i],
+                albedo: albedo.pixels[i],
+                label: label[i],
+                instance: instance.map_or(0, |of| of[i]),
+            })
+        };
+        Self::by_pixels([width, height], surface).map(Some)
+    }
+
+    /// The guides of a picture of this width and height. `surface` says what is at column x and row y, from the upper left; several threads
+    /// ask it.
+    ///
+    /// # Errors
+    /// [`NoMemory`] where there is none for 36 bytes a pixel.
+    pub fn by_pixels(
+        [width, height]: [usize; 2],
+        surface: impl Fn(usize, usize) -> Option<GuideSurface> + Sync,
+    ) -> Result<Self, NoMemory> {
+        let layout = Layout { width, height };
+        let triple = || Ok([layout.zeroes()?, layout.zeroes()?, layout.zeroes()?]);
+        let mut guides = Self {
             layout,
-            normal: layout.triple(|i, at, c| known(normal[i][c], at))?,
-            albedo: layout.triple(|i, at, c| known(albedo[i][c], at))?,
-            label: layout.plane(|i, _| label[i])?,
-            instance: layout.plane(|i, _| instance.map_or(0, |of| of[i]))?,
-            is_surface,
-        }))
+            normal: triple()?,
+            albedo: triple()?,
+            label: layout.zeroes()?,
+            instance: layout.zeroes()?,
+            is_surface: layout.zeroes()?,
+        };
+        let n = layout.stride();
+        let [nx, ny, nz] = guides.normal.each_mut().map(|plane| plane.par_chunks_mut(n));
+        let [red, green, blue] = guides.albedo.each_mut().map(|plane| plane.par_chunks_mut(n));
+        let label = guides.label.par_chunks_mut(n);
+        let instance = guides.instance.par_chunks_mut(n);
+        let is_surface = guides.is_surface.par_chunks_mut(n);
+        let rows = ((nx, ny, nz), (red, green, blue), (label, instance, is_surface));
+        rows.into_par_iter().enumerate().for_each(|(y, (normal, albedo, (label, instance, is_surface)))| {
+            for x in 0..width {
+                let Some(of) = surface(x, y).filter(GuideSurface::is_sound) else { continue };
+                let at = MARGIN + x;
+                [normal.0[at], normal.1[at], normal.2[at]] = of.normal;
+                [albedo.0[at], albedo.1[at], albedo.2[at]] = of.albedo;
+                (label[at], instance[at], is_surface[at]) = (of.label, of.instance, 1.0);
+            }
+        });
+        Ok(guides)
     }
 
     /// Whether the guides belong to a picture of this size.

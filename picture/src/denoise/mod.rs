@@ -48,7 +48,7 @@ use pumice_core::reserve::reserved;
 use crate::image::Image;
 use crate::metrics::Variance;
 pub use denoiser::Denoiser;
-pub use guides::Guides;
+pub use guides::{GuideSurface, Guides};
 use light::Light;
 use planes::Means;
 use shrink::Shrinkage;
