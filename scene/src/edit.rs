@@ -8,6 +8,7 @@ use std::collections::BTreeMap;
 use glam::DAffine3;
 use serde::{Deserialize, Serialize};
 
+use crate::json::parsed;
 use crate::label_materials::each_once;
 use crate::{
     Camera, Cut, Film, Instance, LabelGroups, LabelStyle, Light, Material, Mesh, Scene, SceneError, Settings,
@@ -184,7 +185,7 @@ impl SceneEdit {
     /// # Errors
     /// [`SceneError::Json`] says what is not a valid edit, by line and column.
     pub fn list_from_json(text: &str) -> Result<Vec<Self>, SceneError> {
-        Ok(serde_json::from_str(text)?)
+        parsed(text)
     }
 }
 

@@ -18,8 +18,10 @@ pub enum SceneError {
         problem: String,
     },
     /// The text is not valid JSON, or not the JSON form of a scene.
-    #[error("line {line}, column {column}: {what}")]
+    #[error("{field}line {line}, column {column}: {what}")]
     Json {
+        /// Path of the field with a colon and a space behind it; empty where the text as a whole is wrong.
+        field: String,
         /// Line, from 1.
         line: usize,
         /// Column, from 1; 0 is before the first character.
@@ -43,13 +45,15 @@ pub enum SceneError {
 /// Most characters of a parser's message that an error text repeats: names in it come from the file and may be megabytes long.
 const MOST_CHARS: usize = 300;
 
-impl From<serde_json::Error> for SceneError {
-    fn from(error: serde_json::Error) -> Self {
+impl SceneError {
+    /// What the parser found wrong at the field with this path, `.` for the whole text.
+    pub(crate) fn json(path: &str, error: &serde_json::Error) -> Self {
         let (line, column) = (error.line(), error.column());
         let text = error.to_string();
         // serde_json ends its text with the line and column, which the variant has as fields.
         let what = text.strip_suffix(&format!(" at line {line} column {column}")).unwrap_or(&text);
-        Self::Json { line, column, what: excerpt(what, MOST_CHARS) }
+        let field = if path == "." { String::new() } else { format!("{}: ", excerpt(path, MOST_CHARS)) };
+        Self::Json { field, line, column, what: excerpt(what, MOST_CHARS) }
     }
 }
 

@@ -21,11 +21,11 @@ impl Scene {
         struct Versioned {
             version: u64,
         }
-        let Versioned { version } = serde_json::from_str(text)?;
+        let Versioned { version } = parsed(text)?;
         if version != u64::from(SCENE_VERSION) {
             return Err(SceneError::Version { got: version, expected: SCENE_VERSION });
         }
-        let scene: Self = serde_json::from_str(text)?;
+        let scene: Self = parsed(text)?;
         scene.validate()?;
         Ok(scene)
     }
@@ -43,7 +43,9 @@ impl Scene {
                 return Err(SceneError::Field { field, problem });
             }
         }
-        Ok(serde_json::to_string_pretty(self)? + "\n")
+        serde_json::to_string_pretty(self)
+            .map(|text| text + "\n")
+            .map_err(|error| SceneError::json(".", &error))
     }
 
     /// Reads a scene file. Relative paths in it are resolved against its folder and become absolute, so that they name the same files
@@ -109,6 +111,15 @@ impl Scene {
             .flat_map(|i| std::iter::once(&mut i.source).chain(i.reading.relabel.as_mut()));
         of_instances.chain(meshes).chain(sky)
     }
+}
+
+/// What a text is the JSON form of.
+pub(crate) fn parsed<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, SceneError> {
+    let mut reader = serde_json::Deserializer::from_str(text);
+    let value = serde_path_to_error::deserialize(&mut reader)
+        .map_err(|error| SceneError::json(&error.path().to_string(), error.inner()))?;
+    reader.end().map_err(|error| SceneError::json(".", &error))?;
+    Ok(value)
 }
 
 /// The folder that a file is in, as an absolute path.

@@ -153,6 +153,21 @@ fn objects(value: &Value, at: &str, out: &mut Vec<String>) {
     }
 }
 
+/// The path of the field `zzz` of an object, as messages have it.
+fn path(pointer: &str) -> String {
+    let mut path = String::new();
+    for part in pointer.split('/').skip(1).chain(["zzz"]) {
+        match part.parse::<usize>() {
+            // Ids are names of fields.
+            Ok(id) if path.ends_with("style.materials") => path += &format!(".{id}"),
+            Ok(place) => path += &format!("[{place}]"),
+            Err(_) if path.is_empty() => path += part,
+            Err(_) => path += &format!(".{part}"),
+        }
+    }
+    path
+}
+
 #[test]
 fn an_unknown_field_is_refused_by_name_wherever_it_is() {
     let whole: Value = serde_json::from_str(&full_scene().to_json().unwrap()).unwrap();
@@ -167,8 +182,9 @@ fn an_unknown_field_is_refused_by_name_wherever_it_is() {
         let choice = ["show", "materials", "projection", "filter", "environment", "lod", "shape"];
         if !choice.iter().any(|c| place.ends_with(&format!("/{c}"))) {
             assert!(error.contains("unknown field `zzz`"), "{place}: {error}");
+            assert!(error.starts_with(&format!("{}: line 1, column ", path(&place))), "{place}: {error}");
         }
-        assert!(error.starts_with("line 1, column "), "{place}: {error}");
+        assert!(error.contains("line 1, column "), "{place}: {error}");
     }
 }
 
