@@ -73,7 +73,7 @@ pub fn measure_sizes(volume: &Path, job: &Job) -> Result<Sizes> {
             table: None,
         };
         *bytes = compress_file(&request, job)?.bytes_disk;
-        let verified = verify_file(&file, &[volume.to_owned()], &OpenOptions::default(), job)?;
+        let verified = verify_file(&file, &[volume.to_owned()], None, &OpenOptions::default(), job)?;
         if !matches!(verified.found, Verification::Same { .. }) {
             return Err(SessionError::Caller(format!(
                 "{}: the file compressed at level {level:?} differs: {verified}",

@@ -83,7 +83,7 @@ pub(crate) fn quoted(value: &str) -> String {
 /// Flags of a bench that writes one table: its volumes and its output folder.
 #[derive(Debug, Args)]
 pub(crate) struct TableFlags {
-    /// Label volumes or .pumice files
+    /// Label volumes or, where nothing is compressed anew, .pumice files
     #[arg(value_name = "VOLUME", required = true)]
     pub(crate) volumes: Vec<PathBuf>,
     /// Also write NAME.md and NAME.csv into this folder, created if missing

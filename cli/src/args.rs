@@ -14,6 +14,7 @@ mod merge;
 mod pick;
 mod reading;
 mod render;
+pub(crate) mod selectors;
 mod table;
 mod values;
 mod verify;

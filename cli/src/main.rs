@@ -11,8 +11,8 @@ mod progress;
 use std::process::ExitCode;
 use std::sync::Arc;
 
-use clap::Parser;
-use pumice_session::{Job, exit_code, interrupt, with_threads};
+use clap::{CommandFactory, FromArgMatches};
+use pumice_session::{Job, exit_code, interrupt, meet_limits, with_threads};
 
 use crate::args::{Cli, Command};
 use crate::failure::{Failure, check_warnings, warn};
@@ -25,7 +25,8 @@ pub(crate) enum Answer {
 }
 
 fn main() -> ExitCode {
-    let cli = match Cli::try_parse() {
+    meet_limits();
+    let cli = match parse() {
         Ok(cli) => cli,
         Err(error) => return ExitCode::from(usage(&error)),
     };
@@ -71,6 +72,19 @@ fn bad(why: &dyn std::fmt::Display) -> u8 {
     2
 }
 
+/// The arguments. A negative number is a value, which its option judges.
+fn parse() -> Result<Cli, clap::Error> {
+    fn with_negative(command: clap::Command) -> clap::Command {
+        command
+            .mut_args(|arg| {
+                let takes_values = arg.get_action().takes_values();
+                if takes_values { arg.allow_negative_numbers(true) } else { arg }
+            })
+            .mut_subcommands(with_negative)
+    }
+    Cli::from_arg_matches(&with_negative(Cli::command()).try_get_matches()?)
+}
+
 /// Help and version go to standard output with exit code 0; bad usage is one line on standard error with exit code 2.
 fn usage(error: &clap::Error) -> u8 {
     use clap::error::ErrorKind::{DisplayHelp, DisplayHelpOnMissingArgumentOrSubcommand, DisplayVersion};
@@ -98,6 +112,19 @@ fn usage(error: &clap::Error) -> u8 {
                 .next()
                 .unwrap_or(&text);
             let what = what.strip_prefix("error: ").unwrap_or(what);
+            // A tip that would make a value of an option a file.
+            let what = match what.split_once("tip: to pass '") {
+                Some((before, tip))
+                    if tip.starts_with('-') && tip[1..].starts_with(|c: char| c.is_ascii_digit()) =>
+                {
+                    let value = tip.split('\'').next().unwrap_or(tip);
+                    &format!(
+                        "{}; a value that begins with a minus sign follows a = (--option={value})",
+                        before.trim()
+                    )
+                }
+                _ => what,
+            };
             let line =
                 what.split('\n').map(str::trim).filter(|l| !l.is_empty()).collect::<Vec<_>>().join(" ");
             bad(&format_args!("{line} (see pumice --help)"))

@@ -31,7 +31,13 @@ impl TypeTable {
             let Some((id, name)) = line.split_once(',') else {
                 return Err(wrong(number, format!("expected `id,type`, got `{line}`")));
             };
-            let (id, name) = (id.trim(), name.trim().trim_matches('"'));
+            let (id, name) = (id.trim(), name.trim());
+            let is_quoted = name.len() > 1 && name.starts_with('"') && name.ends_with('"');
+            if name.contains(',') && !is_quoted {
+                let what = "expected two columns, `id,type`, got more; a table with names, colours or numbers is given as --table";
+                return Err(wrong(number, what.into()));
+            }
+            let name = name.trim_matches('"');
             if number == 0 && id.trim_matches('"').eq_ignore_ascii_case("id") {
                 continue;
             }
@@ -83,12 +89,20 @@ mod tests {
     #[test]
     fn tables_are_read_and_mistakes_named() {
         let table =
-            TypeTable::parse_csv("id,type\n5,soma\n 9 , axon\n\n18446744073709551615,soma\n").unwrap();
+            TypeTable::parse_csv("id,type\n5,soma\n 9 , axon\n3,\"a, b\"\n\n18446744073709551615,soma\n")
+                .unwrap();
         let mut labels = LabelTable { ids: vec![5, 7, 9], ..LabelTable::default() };
         table.apply(&mut labels);
-        assert_eq!(labels.type_names(), ["axon", "soma"]);
-        assert_eq!([0, 1, 2].map(|l| labels.type_of(l)), [Some(1), None, Some(0)]);
-        for (text, line) in [("1,a\n1,b", 2), ("x,a\n", 1), ("1,a\n2", 2), ("1,", 1)] {
+        assert_eq!(labels.type_names(), ["a, b", "axon", "soma"]);
+        assert_eq!([0, 1, 2].map(|l| labels.type_of(l)), [Some(2), None, Some(1)]);
+        for (text, line) in [
+            ("1,a\n1,b", 2),
+            ("x,a\n", 1),
+            ("1,a\n2", 2),
+            ("1,", 1),
+            ("id,name,type\n", 1),
+            ("1,a\n2,b,c", 2),
+        ] {
             let error = TypeTable::parse_csv(text).unwrap_err().to_string();
             assert!(error.contains(&format!("line {line}")), "{error}");
         }

@@ -253,21 +253,17 @@ impl<T: Tracer> PathTracer<T> {
         let color = self.film.mean()?;
         let variance = (self.film.spp() >= CLASSES).then(|| self.film.variance());
         let (width, height) = self.film.size();
-        let first = |i: usize| self.first((i % width) as u32, (i / width) as u32);
-        let firsts: Vec<Option<First>> =
+        let first = |i: usize| self.first((i % width) as u32, (i / width) as u32).unwrap_or(First::NONE);
+        let firsts: Vec<First> =
             collected_by_threads((0..width * height).into_par_iter().map(first), PICTURE)?;
         let image = |of: fn(&First) -> [f32; 3]| {
-            let pixels = firsts.iter().map(|f| f.as_ref().map_or([0.0; 3], of));
-            Ok::<_, NoMemory>(Image::new(width, height, collected(firsts.len(), pixels, PICTURE)?))
+            let pixels = collected(firsts.len(), firsts.iter().map(of), PICTURE)?;
+            Ok::<_, NoMemory>(Image::new(width, height, pixels))
         };
-        let ids = |of: fn(&First) -> u32| {
-            collected(firsts.len(), firsts.iter().map(|f| f.as_ref().map_or(0, of)), PICTURE)
-        };
-        let depth = firsts.iter().map(|f| f.as_ref().map_or(f32::INFINITY, |f| f.depth));
         let picture = Picture {
-            depth: Some(collected(firsts.len(), depth, PICTURE)?),
-            label: Some(ids(|f| f.surface.label)?),
-            instance: Some(ids(|f| f.surface.instance)?),
+            depth: Some(collected(firsts.len(), firsts.iter().map(|f| f.depth), PICTURE)?),
+            label: Some(collected(firsts.len(), firsts.iter().map(|f| f.surface.label), PICTURE)?),
+            instance: Some(collected(firsts.len(), firsts.iter().map(|f| f.surface.instance), PICTURE)?),
             albedo: Some(image(|f| f.surface.albedo)?),
             normal: Some(image(|f| f.surface.normal)?),
             position: Some(image(|f| f.position)?),
@@ -369,4 +365,13 @@ struct First {
     depth: f32,
     position: [f32; 3],
     surface: GuideSurface,
+}
+
+impl First {
+    /// Where a pixel shows no surface.
+    const NONE: Self = Self {
+        depth: f32::INFINITY,
+        position: [0.0; 3],
+        surface: GuideSurface { normal: [0.0; 3], albedo: [0.0; 3], label: 0, instance: 0 },
+    };
 }

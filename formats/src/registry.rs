@@ -127,7 +127,10 @@ fn guess(head: &[u8]) -> String {
         (b"\x89PNG", "a PNG picture"),
         (b"\xFF\xD8\xFF", "a JPEG picture"),
         (b"%PDF", "a PDF document"),
-        (b"PUMICE", "a compressed Pumice volume, not a source volume"),
+        (
+            &pumice_core::file::MAGIC,
+            "a .pumice file, and a source is needed: pumice decompress writes one from it",
+        ),
         (b"# vtk DataFile", "legacy VTK, which is not read: export NRRD or MetaImage"),
         (b"<?xml", "an XML file"),
         (b"MATLAB 5.0", "a MATLAB file: save the labels with numpy.save or nrrdwrite"),

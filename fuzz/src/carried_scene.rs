@@ -64,6 +64,7 @@ pub fn seeds(scene: &str) -> Vec<Vec<u8>> {
         backend: "cpu".into(),
         scene: Scene::from_json(scene).unwrap(),
         volume_hashes: vec!["0123456789abcdef0123456789abcdef".into()],
+        label_hashes: Vec::new(),
         mesh_hashes: Vec::new(),
         sky_hash: None,
         spp: 64,

@@ -240,6 +240,7 @@ pub fn pictures() -> Vec<Vec<u8>> {
             backend: "cpu".into(),
             scene: Scene::from_json(SCENE).unwrap(),
             volume_hashes: vec!["0123456789abcdef0123456789abcdef".into()],
+            label_hashes: Vec::new(),
             mesh_hashes: Vec::new(),
             sky_hash: None,
             spp: 64,

@@ -22,7 +22,11 @@ pub struct Provenance {
     pub scene: Scene,
     /// Content hash of each instance's volume, 32 hexadecimal digits, in the order of the scene's instances.
     pub volume_hashes: Vec<String>,
-    /// The same of each mesh, in the order of the scene's meshes.
+    /// XXH3-128 of ids, names and types of the labels that each instance shows, in the same form and order; empty in pictures that say nothing
+    /// of it.
+    #[serde(default, skip_serializing_if = "Vec::is_empty")]
+    pub label_hashes: Vec<String>,
+    /// Content hash of each mesh, in the order of the scene's meshes.
     #[serde(default, skip_serializing_if = "Vec::is_empty")]
     pub mesh_hashes: Vec<String>,
     /// XXH3-128 of the bytes of the sky's picture, 32 hexadecimal digits; `None` where the scene has no such picture.

@@ -30,6 +30,7 @@ pub(crate) fn provenance() -> Provenance {
         backend: "cpu".into(),
         scene,
         volume_hashes: vec!["0123456789abcdef0123456789abcdef".into()],
+        label_hashes: Vec::new(),
         mesh_hashes: Vec::new(),
         sky_hash: None,
         spp: 64,

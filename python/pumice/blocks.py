@@ -72,7 +72,7 @@ def label_type(array: Any) -> str:
         return "u8"
     if dtype.kind in "uif" and (dtype.kind, dtype.itemsize) not in {("f", 2), ("f", 16)}:
         return f"{dtype.kind}{8 * dtype.itemsize}"
-    raise InputError(f"array: labels are integers, got {dtype}")
+    raise InputError(f"array: labels are integers, or floats of 32 or 64 bits that are whole, got {dtype}")
 
 
 def shape_of(array: Any) -> tuple[int, int, int]:

@@ -471,7 +471,7 @@ def compress(
     **choice: Unpack[Choice],
 ) -> Volume:
     """Compresses `source`: a file, with keywords as for `open`, or an array[x, y, z] of labels of any integer type and order; floats must be whole
-    numbers ≥ 0.
+    numbers ≥ 0. Of a `.pumice` file it takes `table` alone, and `save` writes it anew.
 
     `axes="zyx"` reads an array[z, y, x], as tifffile, scikit-image and napari use it, in memory or in an `.npy` or `.npz` file. The volume's
     axes are x, y, z all the same, in `spacing` and in `decode` too. An array of h5py, zarr, xarray or netCDF4 that names its axes x, y and z is

@@ -54,6 +54,7 @@ pub(crate) fn export(
         limit_bytes,
         reader: if for_blender { Reader::Blender } else { Reader::Specification },
         labels,
+        selected: Vec::new(),
         region: region.map(|[x0, y0, z0, x1, y1, z1]| [[x0, y0, z0], [x1, y1, z1]]),
         reading: OpenOptions::default(),
     };

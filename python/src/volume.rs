@@ -552,10 +552,20 @@ pub(crate) fn compress(
     let reading = reading(read_as)?;
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
-    let (volume, notes) = with_source(py, source, &reading, &job, |source| {
-        let mut volume = pumice_core::compress(source, &options, &job)?;
+    let annotated = |mut volume| {
         let fit = table.map(|table| pumice_session::annotate(&mut volume, table, Vec::new())).transpose()?;
         Ok((volume, fit.map_or_else(Vec::new, |fit| fit.notes)))
+    };
+    if let Source::Path(path) = &source {
+        let given = [("types", options.types.is_some()), ("memory_limit", memory_limit.is_some())];
+        let open =
+            || pumice_session::open_to_rewrite(path, &reading, &given, &job)?.map(annotated).transpose();
+        if let Some((volume, notes)) = released(py, &job, open)? {
+            return Ok((Volume(Arc::new(volume)), notes));
+        }
+    }
+    let (volume, notes) = with_source(py, source, &reading, &job, |source| {
+        annotated(pumice_core::compress(source, &options, &job)?)
     })?;
     Ok((Volume(Arc::new(volume)), [reading.warnings.list(), notes].concat()))
 }

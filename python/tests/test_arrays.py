@@ -107,7 +107,7 @@ def test_nothing_asks_for_the_whole_array(labels):
         (np.full((4, 4, 4), np.inf), "a whole number .* got inf"),
         (np.full((4, 4, 4), 0.5, np.float32), "a whole number .* got 0.5"),
         (np.full((4, 4, 4), 2.0**60), "a whole number from 0 to 9007199254740992"),
-        (np.zeros((4, 4, 4), complex), "labels are integers, got complex128"),
+        (np.zeros((4, 4, 4), complex), "that are whole, got complex128"),
         (np.zeros((4, 4, 4), "S3"), "labels are integers"),
         (np.zeros((4, 4)), r"three axes \(x, y, z\), got shape \(4, 4\)"),
         (np.zeros((4, 4, 4, 1)), "three axes"),

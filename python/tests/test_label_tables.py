@@ -120,6 +120,23 @@ def test_a_table_is_given_to_an_array_and_kept_by_files(tmp_path):
         pumice.compress(array, table={3: "x"})
 
 
+def test_a_table_is_given_to_a_pumice_file(tmp_path):
+    """The volume and its bytes are those of the source with the table; keywords without effect are refused."""
+    labels = np.zeros((20, 20, 20), np.uint64)
+    labels[2:9], labels[9:15] = 3, 42
+    pumice.compress(labels).save(tmp_path / "bare.pumice", level="small")
+    with warnings.catch_warnings():
+        warnings.simplefilter("ignore", pumice.PumiceWarning)
+        pumice.compress(labels, table=table()).save(tmp_path / "told.pumice")
+        named = pumice.compress(tmp_path / "bare.pumice", table=table())
+    assert named.labels.names == ["Glia 1", "axon"]
+    named.save(tmp_path / "again.pumice")
+    assert (tmp_path / "again.pumice").read_bytes() == (tmp_path / "told.pumice").read_bytes()
+    for keyword in ({"types": {3: "axon"}}, {"memory_limit": 1 << 30}, {"axes": "zyx"}):
+        with pytest.raises(pumice.InputError, match=next(iter(keyword))):
+            pumice.compress(tmp_path / "bare.pumice", **keyword)
+
+
 def test_queries_against_numpy():
     """A thousand labels with columns of several types; each line beside the numpy expression that it stands for."""
     rng = np.random.default_rng(1)

@@ -13,6 +13,7 @@ use crate::error::{Result, SessionError, io};
 use crate::label_files::{Describe, TableFit, describing, read_table};
 use crate::measure::Stopwatch;
 use crate::resumable::check_no_leftovers;
+use crate::rewrite_file::rewrite_file;
 
 /// Input, output and options of [`compress_file`].
 #[derive(Clone, Debug)]
@@ -66,7 +67,7 @@ pub struct CompressOutcome {
     pub table: Option<TableFit>,
 }
 
-/// Compresses a file into a `.pumice` file.
+/// Compresses a file into a `.pumice` file. A `.pumice` file is written anew, at this level and with what the table says of its labels.
 ///
 /// # Errors
 /// One line that says what is wrong with the input, the output or the limits; the output name is then unchanged, and no new file
@@ -77,6 +78,9 @@ pub fn compress_file(request: &CompressRequest, job: &Job) -> Result<CompressOut
     outputs.declare(&request.output)?;
     check_no_leftovers(&request.output)?;
     let labels = LabelsGiven::read(request.types.as_deref(), request.table.as_deref(), outputs)?;
+    if let Some(rewritten) = rewrite_file(request, &labels, job)? {
+        return Ok(rewritten);
+    }
     let series = open_series(&request.inputs, request.time_steps, &request.reading)?;
     let options = CompressOptions {
         threads: request.threads.unwrap_or(0),
@@ -161,7 +165,7 @@ impl LabelsGiven {
 
     /// Calls `write` with the function that describes labels; returns how the table fits, too.
     pub(crate) fn describing<T>(
-        self,
+        &self,
         write: impl FnOnce(Describe<'_>) -> Result<T>,
     ) -> Result<(T, Option<TableFit>)> {
         describing(self.table.as_ref().map(|(table, notes)| (table, notes.clone())), write)
@@ -187,43 +191,58 @@ impl std::fmt::Display for Verified {
 }
 
 /// Compares every voxel and id of a `.pumice` file with a label volume. Of a time series it compares the time step that `reading` chooses, or
-/// all of them with the time steps of `inputs`.
+/// all of them with the time steps of `inputs`, or with `time_steps` of these.
 ///
 /// # Errors
 /// When a file cannot be read to its end; where the numbers of time steps differ.
-pub fn verify_file(pumice: &Path, inputs: &[PathBuf], reading: &OpenOptions, job: &Job) -> Result<Verified> {
+pub fn verify_file(
+    pumice: &Path,
+    inputs: &[PathBuf],
+    time_steps: Option<TimeSteps>,
+    reading: &OpenOptions,
+    job: &Job,
+) -> Result<Verified> {
     let Some(input) = inputs.first() else {
         return Err(SessionError::Caller("expected a label volume, got none".into()));
     };
-    if frames_in_file(pumice)? == 1 {
+    let frames = frames_in_file(pumice)?;
+    let is_one = inputs.len() == 1 && !is_pattern(input) && time_steps.is_none();
+    if frames == 1 && is_one {
         let volume = CompressedVolume::open(pumice, job)?;
         let mut source = pumice_formats::open(input, reading)?;
         return Ok(Verified { time_step: None, found: pumice_core::verify(&volume, source.as_mut(), job)? });
     }
-    let series = Series::open(pumice, job)?;
-    let is_one = inputs.len() == 1 && !is_pattern(input);
+    // A file of one time step is compared as it is.
+    let all = OpenOptions { time: None, ..reading.clone() };
+    let has_several =
+        is_one && pumice_formats::probe(input, &all)?.choices.iter().any(|c| c.keyword == "time");
     if let Some(step) = reading.time.filter(|_| is_one) {
-        // A file of one time step is compared as it is.
-        let all = OpenOptions { time: None, ..reading.clone() };
-        let has_several = pumice_formats::probe(input, &all)?.choices.iter().any(|c| c.keyword == "time");
+        let series = Series::open(pumice, job)?;
         let mut source = pumice_formats::open(input, if has_several { reading } else { &all })?;
         let found = pumice_core::verify(&series.frame(step, job)?, source.as_mut(), job)?;
         return Ok(Verified { time_step: Some(step), found });
     }
-    let steps = is_one.then_some(TimeSteps::All);
-    let Some(sources) = open_series(inputs, steps, reading)?.filter(|s| s.frames() == series.frames()) else {
-        let (at, expected) = (pumice.display(), series.frames());
+    let sources = open_series(inputs, time_steps.or(has_several.then_some(TimeSteps::All)), reading)?;
+    let given = sources.as_ref().map_or(1, |sources| sources.frames());
+    let Some(sources) = sources.filter(|_| given == frames) else {
         return Err(SessionError::Caller(format!(
-            "{at}: the file has {expected} time steps, and {} has another number of them",
-            input.display()
+            "{}: the file has {}, got {given}: {}",
+            pumice.display(),
+            if frames == 1 { "1 time step".into() } else { format!("{frames} time steps") },
+            inputs.iter().map(|input| input.display().to_string()).collect::<Vec<_>>().join(", ")
         )));
     };
+    let opened = if frames == 1 { None } else { Some(Series::open(pumice, job)?) };
     let mut voxels = 0;
-    for step in 0..series.frames() {
+    for step in 0..frames {
         let mut source = sources.open(step)?;
-        match pumice_core::verify(&series.frame(step, job)?, source.as_mut(), job)? {
+        let found = match &opened {
+            Some(series) => pumice_core::verify(&series.frame(step, job)?, source.as_mut(), job)?,
+            None => pumice_core::verify(&CompressedVolume::open(pumice, job)?, source.as_mut(), job)?,
+        };
+        match found {
             Verification::Same { voxels: more } => voxels += more,
-            found => return Ok(Verified { time_step: Some(step), found }),
+            found => return Ok(Verified { time_step: opened.is_some().then_some(step), found }),
         }
     }
     Ok(Verified { time_step: None, found: Verification::Same { voxels } })

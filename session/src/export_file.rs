@@ -11,10 +11,11 @@ use pumice_transport::LoadedScene;
 use serde::Serialize;
 
 use crate::error::{Result, SessionError};
+use crate::figure::{FigureFlags, FrameOn, Selector};
 use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::open::Residence;
 use crate::render_file::RenderOverrides;
-use crate::render_file::open_scene::{OpenedScene, is_scene_file, open_scene};
+use crate::render_file::open_scene::{OpenedScene, brings_scene, open_scene};
 
 /// Input, output and options of [`export_file`].
 #[derive(Clone, Debug)]
@@ -33,6 +34,8 @@ pub struct ExportRequest {
     pub reader: Reader,
     /// Labels to write, by id, instead of those that the scene shows.
     pub labels: Option<Vec<u64>>,
+    /// The same by names and queries, where labels are not given by id alone.
+    pub selected: Vec<Selector>,
     /// Voxels of each volume outside of which nothing is written: the lowest, and the one beyond the highest; none for all.
     pub region: Option<[[u32; 3]; 2]>,
     /// How to read a volume.
@@ -86,12 +89,15 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
             "--plain: the form {forms} has no merged faces; boxes, cells4 and voxels have"
         )));
     }
-    let overrides = RenderOverrides { labels: request.labels.clone(), ..RenderOverrides::default() };
+    // The camera and the light of a volume's own picture are nobody's work.
+    let surroundings = brings_scene(&request.input);
+    // Files of different labels of a volume fit together.
+    let frame = if surroundings { None } else { Some(FrameOn::Volume) };
+    let figure = FigureFlags { frame, labels: request.selected.clone(), ..FigureFlags::default() };
+    let overrides = RenderOverrides { labels: request.labels.clone(), figure, ..RenderOverrides::default() };
     let OpenedScene { scene, volumes, meshes } =
         open_scene(&request.input, &overrides, &request.reading, Residence::Mapped, job)?;
-    // The camera and the light of a volume's own picture are nobody's work.
-    let surroundings = is_scene_file(&request.input);
-    let left_out = if surroundings { left_out_of(&scene, format, &request.forms) } else { Vec::new() };
+    let left_out = left_out_of(&scene, format, &request.forms, surroundings);
     let loaded = LoadedScene::new(scene, volumes, meshes)?;
     let options = ExportOptions {
         forms: request.forms.clone(),

@@ -29,6 +29,7 @@ pub mod progressive;
 pub mod reading;
 pub mod render_file;
 pub mod resumable;
+mod rewrite_file;
 pub mod savings;
 pub mod script;
 pub mod selection;
@@ -66,7 +67,7 @@ pub use part_files::{
 pub use persistent_renderer::{PersistentRenderer, Watching};
 pub use pick_pixels::{PickedPixel, PickedPixels, pick_pixels};
 pub use progressive::{CurvePoint, Stop};
-pub use pumice_core::{ChunkGrid, ChunkSet, CompressionLevel, Job, LabelType, Verification};
+pub use pumice_core::{ChunkGrid, ChunkSet, CompressionLevel, Job, LabelType, Verification, meet_limits};
 pub use pumice_export::{ExportSize, Form, Merging, Reader, VoxelRegion};
 pub use pumice_formats::write_store::{OmeVersion, PrecomputedEncoding};
 pub use pumice_formats::{
@@ -84,6 +85,7 @@ pub use render_file::{
     Subject, render_file, render_time_steps, render_turntable,
 };
 pub use resumable::{KeptParts, compress_resumable, compress_resumable_with, parts_folder};
+pub use rewrite_file::open_to_rewrite;
 pub use savings::{OpeningSaved, Savings, SavingsOptions, measure_savings};
 pub use shipped_volume::shipped_volume;
 pub use threads::with_threads;

@@ -355,6 +355,7 @@ mod tests {
                 backend: "cpu".into(),
                 scene: Scene::from_json(SCENE).unwrap(),
                 volume_hashes: vec![hash_text(volume)],
+                label_hashes: Vec::new(),
                 mesh_hashes: Vec::new(),
                 sky_hash: None,
                 spp: 1,

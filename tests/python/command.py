@@ -72,8 +72,7 @@ def run(
 ):
     """Runs `pumice args…` to its end; calls `meanwhile(process)` after the start.
 
-    `file_size_limit`: largest size of any file in bytes, which imitates a full disk. SIGXFSZ stays ignored (Python's own setting), so
-    that writing fails with an error instead of ending the program.
+    `file_size_limit`: largest size of any file in bytes, which imitates a full disk.
 
     `address_limit`: largest address space in bytes (`ulimit -v`), which imitates a machine with little memory.
 
@@ -100,7 +99,6 @@ def run(
             # Turns on backtraces, for the case of a panic.
             env={**os.environ, "RUST_BACKTRACE": "1", **(env or {})},
             preexec_fn=limit if file_size_limit is not None or address_limit is not None else None,
-            restore_signals=file_size_limit is None,
             pass_fds=[tells] if apart else [],
             process_group=0 if apart else None,
         )

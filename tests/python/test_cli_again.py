@@ -74,6 +74,28 @@ def test_a_folder_that_moves_takes_its_pictures_with_it(pumice, study, tmp_path)
     assert not (tmp_path / "d.png").exists()
 
 
+def test_other_names_and_types_are_said(pumice, study, tmp_path):
+    """The content hash knows ids and voxels alone."""
+    volume, picture, table = study / "volumes/a.pumice", study / "pictures/a.png", tmp_path / "table.csv"
+    for row in ("1,alpha,", "1,alpha,axon", "1,beta,axon"):
+        assert "names or types" not in again(pumice, picture, tmp_path / "same.png").err
+        table.write_text(f"id,name,type\n{row}\n")
+        run(pumice, "compress", tmp_path / "a.npy", "-o", volume, "--table", table).fine()
+        done = again(pumice, picture, tmp_path / "other.png")
+        assert done.code == 0 and "a.pumice: names or types of its labels have changed" in done.err, done
+        run(pumice, "render", volume, "-o", picture, *SMALL).fine()
+    # A label that is not shown, and a picture of before this was known.
+    run(pumice, "render", volume, "-o", picture, *SMALL, "--labels", "2").fine()
+    table.write_text("id,name\n3,gamma\n")
+    run(pumice, "compress", tmp_path / "a.npy", "-o", volume, "--table", table).fine()
+    assert "names or types" not in again(pumice, picture, tmp_path / "same.png").err
+    table.write_text("id,name\n2,gamma\n")
+    run(pumice, "compress", tmp_path / "a.npy", "-o", volume, "--table", table).fine()
+    assert "names or types" in again(pumice, picture, tmp_path / "other.png").err
+    old = forged(picture, tmp_path / "old.png", lambda made: made.pop("label_hashes"))
+    assert "names or types" not in again(pumice, old, tmp_path / "same.png", "--source", volume).err
+
+
 def test_absolute_paths_of_older_pictures_still_work(pumice, study, tmp_path):
     def change(made):
         made["scene"]["instances"][0]["source"] = str(study / "volumes/a.pumice")

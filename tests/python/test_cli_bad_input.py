@@ -340,7 +340,7 @@ def little_noise(pumice, tmp_path_factory):
 
 
 def test_a_full_disk(pumice, little_noise, tmp_path):
-    """Writing fails halfway, through a limit on the size of files."""
+    """Writing fails halfway, through a limit on the size of files, which sends a signal to a program that does not expect it."""
     noise, noise_pumice = little_noise
     out = tmp_path / "o.pumice"
     out.write_bytes(b"what was here before")
@@ -504,6 +504,16 @@ def test_broken_scenes(pumice, good_pumice, tmp_path):
 )
 def test_bad_usage(pumice, args):
     run(pumice, *args).refused()
+
+
+@pytest.mark.parametrize("option", ["--spp", "--threads", "--seed", "--distance", "--dpi", "--bounces", "--turntable"])
+def test_a_negative_number_is_a_value_of_its_option(pumice, option):
+    assert option in run(pumice, "render", "a", "-o", "b.png", option, "-1").refused()
+    assert "minus sign" in run(pumice, "render", "a", "-o", "b.png", "--size", "-1x10").refused()
+
+
+def test_a_pumice_file_is_no_source(pumice, good_pumice, tmp_path):
+    assert "this is a .pumice file" in run(pumice, "compress", good_pumice, "-o", tmp_path / "o.pumice").refused()
 
 
 def test_unknown_endings_and_backends(pumice, good, good_pumice, tmp_path):

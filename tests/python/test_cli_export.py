@@ -1,5 +1,6 @@
 """Tests `pumice export`: real volumes as USD, opened by Pixar's own library; limits and bad input."""
 
+import csv
 import json
 
 import numpy as np
@@ -61,6 +62,27 @@ def test_the_exact_surface_is_merged_or_plain_and_of_chosen_labels(pumice, data,
         area[name] = np.abs(cross).sum()
     assert area["merged"] == area["plain"] == faces["plain"] and faces["merged"] < 0.7 * faces["plain"]
     assert area["some"] == faces["some"] and area["some"] != area["plain"]
+
+
+def test_files_of_different_labels_fit_together(pumice, data, tmp_path):
+    """Points of two files of one label each are those of a file of both, by names as by ids; STL says what it has not."""
+    source = data / "slicer_Segmentation.seg.nrrd"
+
+    def points(labels):
+        out = tmp_path / f"{labels}.obj"
+        run(pumice, "export", source, "-o", out, "--labels", labels, "--form", "cells4", "--plain").fine()
+        return {line for line in out.read_text().splitlines() if line.startswith("v ")}
+
+    one, two = points("5"), points("6")
+    both = points("5,6")
+    # Faces between the two are inside.
+    assert both <= one | two and both & one and both & two and len(both) > 0.8 * len(one | two)
+    listed = csv.DictReader(run(pumice, "info", source, "--labels", "--csv").fine().splitlines())
+    (name,) = [row["name"] for row in listed if row["id"] == "5"]
+    assert points(f'"{name}"') == one
+    assert "nonsense" in run(pumice, "export", source, "-o", tmp_path / "o.stl", "--labels", "nonsense").refused()
+    done = run(pumice, "export", source, "-o", tmp_path / "o.stl", "--form", "boxes")
+    assert done.code == 0 and done.err == "pumice: left out: labels and materials\n", done
 
 
 def test_instances_cover_the_boxes(pumice, data, info, tmp_path):

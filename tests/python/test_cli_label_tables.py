@@ -94,6 +94,21 @@ def test_a_table_comes_back_with_what_the_volume_has(pumice, annotated, tmp_path
     assert sum(int(row["boxes"]) for row in rows) == json.loads(run(pumice, "info", annotated[0], "--json").fine())["boxes"]
 
 
+def test_whole_numbers_are_exact_or_left_out(pumice, volume, tmp_path):
+    """2^53 + 1 is the first whole number that f64 rounds, to 2^53."""
+    for number, is_kept in [(2**53, True), (-(2**53), True), (2**53 + 1, False), (-(2**53) - 1, False), (10**60, False)]:
+        (tmp_path / "t.csv").write_text(f"id,x\n3,{number}\n17,5\n")
+        said = run(pumice, "compress", volume, "-o", tmp_path / "o.pumice", "--table", tmp_path / "t.csv").fine()
+        assert ("would be rounded" in said) == (not is_kept), said
+        assert f"{int(is_kept)} columns of numbers" in said, said
+
+
+def test_types_have_two_columns(pumice, volume, tmp_path):
+    (tmp_path / "t.csv").write_text("id,name,type\n3,a,axon\n")
+    line = run(pumice, "compress", volume, "-o", tmp_path / "o.pumice", "--types", tmp_path / "t.csv").refused()
+    assert "line 1" in line and "--table" in line, line
+
+
 def test_what_does_not_fit_is_counted_and_named(pumice, volume, annotated, tmp_path):
     said = annotated[1].splitlines()
     assert "table: 6 of 6 labels have a row, 1 columns of numbers" in said

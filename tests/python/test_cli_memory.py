@@ -71,6 +71,14 @@ def test_a_film_without_memory_is_refused_by_flag_scene_and_again(pumice, volume
     refused(limited(pumice, *render, volume, "--size", HUGE, "--passes", "light"), tmp_path, 212.0)
 
 
+@pytest.mark.parametrize("more", [[], ["--level", "small"]])
+def test_many_small_pieces_fit_under_a_limit(pumice, more, tmp_path):
+    """A label for each voxel, so that there are 32,768 names and numbers. Each thread's own reserve of addresses (64 MiB) would leave no room."""
+    np.save(tmp_path / "a.npy", np.arange(32**3, dtype=np.uint32).reshape(32, 32, 32))
+    compress = ["compress", tmp_path / "a.npy", "--axes", "xyz", "-o", tmp_path / "a.pumice", "--threads", "2", *more]
+    run(pumice, *compress, address_limit=160 << 20).fine()
+
+
 def test_a_film_with_memory_is_drawn_under_the_same_limit(pumice, volume, tmp_path):
     """The control: the limit alone refuses nothing."""
     out = tmp_path / "out.exr"

@@ -52,7 +52,7 @@ OPTIONS = {
         **READING,
     },
     "table": {**dict.fromkeys(["--out", "--as", "--query", "--json"], ""), **READING},
-    "verify": READING,
+    "verify": {"--time-steps": "with --time-step, and where the input has one time step", **READING},
     "decompress": {
         **dict.fromkeys(["--out", "--format"], ""),
         **dict.fromkeys(["--ome-version", "--shards", "--encoding", "--gzip", "--chunk"], "for other formats than its own"),
@@ -285,6 +285,8 @@ RENDERS = [
     ("a.pumice", "exr", ["--bounces", "1"], None),
     ("a.pumice", "exr", ["--bounces", "1", "--mode", "one-bounce"], "--bounces"),
     ("s.json", "exr", ["--bounces", "1", "--mode", "ao"], "--bounces"),
+    ("a.nrrd", "exr", ["--mode", "ao", "--color", "1=#f00"], "--color"),
+    ("a.nrrd", "exr", ["--mode", "ao", "--material", "metal"], "--material"),
     ("a.pumice", "exr", ["--labels", "1,999"], "999"),
     ("s.json", "exr", ["--labels", "1,999"], "999"),
     ("a.nrrd", "exr", ["--labels", "0"], "label 0"),

@@ -55,6 +55,37 @@ def sources(tmp_path):
     }
 
 
+def test_what_was_compressed_is_verified_and_nothing_else(pumice, sources, tmp_path):
+    """A part of the time steps, a pattern that one file fits, and several inputs of a file of one time step."""
+    out, nifti = tmp_path / "part.pumice", sources["nifti"][0]
+
+    def verify(*arguments):
+        return run(pumice, "verify", out, *arguments)
+
+    def differs(*arguments):
+        done = verify(*arguments)
+        assert done.code == 1, done
+        return done.out
+
+    run(pumice, "compress", nifti, "--time-steps", "1-3", "-o", out).fine()
+    assert "exactly" in verify(nifti, "--time-steps", "1-3").fine()
+    assert "exactly" in verify(tmp_path / "frame_{t}.nrrd", "--time-steps", "1-3").fine()
+    for steps in ("0-2", "2-4"):
+        assert "time step 0" in differs(nifti, "--time-steps", steps)
+    assert "has 3 time steps, got 6" in verify(nifti).refused()
+    assert "has 3 time steps, got 2" in verify(nifti, "--time-steps", "1-2").refused()
+    assert "has 3 time steps, got 1" in verify(tmp_path / "frame_9.nrrd").refused()
+    (tmp_path / "one").mkdir()
+    (tmp_path / "frame_8.nrrd").rename(tmp_path / "one" / "frame_8.nrrd")
+    pattern = tmp_path / "one" / "frame_{t}.nrrd"
+    run(pumice, "compress", pattern, "-o", out).fine()
+    assert "exactly" in verify(pattern).fine()
+    for second in (tmp_path / "frame_9.nrrd", tmp_path / "absent.nrrd"):
+        assert "has 1 time step, got 2" in verify(tmp_path / "one" / "frame_8.nrrd", second).refused()
+    (tmp_path / "frame_9.nrrd").rename(tmp_path / "one" / "frame_8.nrrd")
+    assert "expected label" in differs(pattern)
+
+
 def compress(pumice, arguments, out, *more):
     run(pumice, "compress", *arguments, "-o", out, *more).fine()
     return out.read_bytes()

@@ -8,7 +8,7 @@ use pumice_scene::{Environment, Scene};
 use crate::lights::{Lights, Sky};
 use crate::{EnvironmentTable, ReadyLamp, ReadySun, RenderError};
 
-/// Reads a scene-linear picture that a scene names as its environment; the caller provides the file access.
+/// Reads a scene-linear picture that a scene names as its environment; the caller provides the file access. Its error names the file.
 pub type ReadImage = fn(&std::path::Path) -> Result<Image, String>;
 
 /// The lights of a scene, with its environment picture read by `read_image`.
@@ -20,7 +20,7 @@ pub fn scene_lights(scene: &Scene, read_image: ReadImage) -> Result<Lights, Rend
         Environment::Constant { radiance } => Sky::Constant(glam::Vec3::from_array(*radiance)),
         Environment::Image { path, rotation_rad, strength } => {
             let at = |what: String| RenderError::Source(format!("{}: {what}", path.display()));
-            let image = read_image(path).map_err(at)?;
+            let image = read_image(path).map_err(RenderError::Source)?;
             Sky::Image(Arc::new(EnvironmentTable::new(image, *strength, *rotation_rad).map_err(at)?))
         }
     };

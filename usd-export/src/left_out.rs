@@ -6,12 +6,14 @@ use crate::scene_gltf::left_out_of_gltf;
 use crate::scene_stage::left_out_of_stage;
 use crate::{FileFormat, Form};
 
-/// What a file of this format, with volumes in these forms, leaves out of a scene, each in a few words for people.
-pub fn left_out_of(scene: &Scene, format: FileFormat, forms: &[Form]) -> Vec<String> {
+/// What a file of this format, with volumes in these forms, leaves out of a scene, each in a few words for people. Without `surroundings`
+/// nothing but the volumes is asked for.
+pub fn left_out_of(scene: &Scene, format: FileFormat, forms: &[Form], surroundings: bool) -> Vec<String> {
     let mut all = match format {
+        _ if !surroundings => Vec::new(),
         FileFormat::Usda | FileFormat::Usdc | FileFormat::Usdz => left_out_of_stage(scene, format),
         FileFormat::Gltf | FileFormat::Glb => left_out_of_gltf(scene),
-        FileFormat::Ply | FileFormat::Obj | FileFormat::Stl => surroundings(scene),
+        FileFormat::Ply | FileFormat::Obj | FileFormat::Stl => surroundings_of(scene),
     };
     if format == FileFormat::Stl {
         all.push("labels and materials".into());
@@ -26,7 +28,7 @@ pub fn left_out_of(scene: &Scene, format: FileFormat, forms: &[Form]) -> Vec<Str
 }
 
 /// Everything but the volumes.
-fn surroundings(scene: &Scene) -> Vec<String> {
+fn surroundings_of(scene: &Scene) -> Vec<String> {
     let counted = |count: usize, [one, several]: [&str; 2]| match count {
         0 => None,
         1 => Some(format!("a {one}")),

@@ -15,7 +15,7 @@ use crate::machine;
 /// bench/openusd write the same arrays as USD. Writes export.md, export.csv and export-import.csv. A million cubes take about 2 GB of disk.
 #[derive(Debug, Args)]
 pub(crate) struct Flags {
-    /// Label volumes or .pumice files whose visible surface is exported besides
+    /// Label volumes whose visible surface is exported besides
     #[arg(value_name = "VOLUME")]
     volumes: Vec<PathBuf>,
     /// Numbers of cubes

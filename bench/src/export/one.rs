@@ -41,6 +41,7 @@ pub(super) fn measured(input: &Path, out: &Path, form: &str, job: &Job) -> Resul
         limit_bytes: u64::MAX,
         reader: Reader::Specification,
         labels: None,
+        selected: Vec::new(),
         reading: OpenOptions::default(),
     };
     let clock = Stopwatch::start();

@@ -14,7 +14,8 @@ use super::Reading;
 /// (by their URL too, in builds with the feature http), as a stream: the whole volume is never in memory. The output file appears under its final name only when it is complete.
 #[derive(Debug, Args)]
 pub(crate) struct Compress {
-    /// Label volume; several files, or a name with {t} in place of a number, are the time steps of one series
+    /// Label volume; several files, or a name with {t} in place of a number, are the time steps of one series. A .pumice file is written anew,
+    /// at this --level and with this --table
     #[arg(value_name = "IN", required = true)]
     pub(crate) inputs: Vec<PathBuf>,
     /// The .pumice file to write

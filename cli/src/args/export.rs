@@ -7,6 +7,7 @@ use clap::{Args, ValueEnum};
 use pumice_session::values::bytes;
 
 use super::Reading;
+use super::selectors::{Selectors, selectors};
 use super::values::region;
 
 /// Write a volume or a scene for other programs: USD, glTF, PLY, OBJ, STL
@@ -34,9 +35,11 @@ pub(crate) struct Export {
     /// The program that will read the file: Blender's importer departs from the specification in suns, spots and orthographic cameras
     #[arg(long = "for", value_enum, value_name = "READER", default_value = "specification")]
     pub(crate) reader: ReaderArg,
-    /// Write only these labels, by id, separated by commas
-    #[arg(long, value_name = "ID,ID", value_delimiter = ',')]
-    pub(crate) labels: Option<Vec<u64>>,
+    /// Write only these labels: ids, names, queries, separated by commas, as of `pumice render`
+    ///
+    /// Files of different labels of a volume have the same place and scale.
+    #[arg(long, value_name = "A,B,C", value_parser = selectors, allow_hyphen_values = true)]
+    pub(crate) labels: Vec<Selectors>,
     /// Write only these voxels of each volume: from X0,Y0,Z0 up to, and without, X1,Y1,Z1. Surfaces are closed at its border. Cells and boxes
     /// that it overlaps are written whole
     #[arg(long, value_name = "X0,Y0,Z0,X1,Y1,Z1", value_parser = region)]

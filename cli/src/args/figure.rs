@@ -6,6 +6,8 @@ use pumice_session::figure::{
     view,
 };
 
+use super::selectors::{Selectors, all_but_ids, ids, selectors};
+
 /// Names of these flags that have no effect on a picture that is made again.
 pub(crate) const NOT_AGAIN: [&str; 15] = [
     "labels",
@@ -114,14 +116,6 @@ pub(crate) struct Figure {
     turntable: Option<u32>,
 }
 
-/// The selectors of one --labels.
-#[derive(Clone, Debug)]
-struct Selectors(Vec<Selector>);
-
-fn selectors(text: &str) -> Result<Selectors, String> {
-    Selector::parse_list(text).map(Selectors)
-}
-
 #[derive(Clone, Copy, Debug, PartialEq, Eq, ValueEnum)]
 enum FrameArg {
     Labels,
@@ -136,14 +130,13 @@ impl Figure {
 
     /// Labels by id, where nothing but ids is named.
     pub(crate) fn ids(&self) -> Option<Vec<u64>> {
-        let ids = self.selectors().map(Selector::id).collect::<Option<Vec<u64>>>()?;
-        (!ids.is_empty()).then_some(ids)
+        ids(&self.labels)
     }
 
     /// The flags as a session takes them, without the labels of [`Figure::ids`].
     pub(crate) fn flags(&self) -> FigureFlags {
         FigureFlags {
-            labels: if self.ids().is_some() { Vec::new() } else { self.selectors().cloned().collect() },
+            labels: all_but_ids(&self.labels),
             query: self.query.clone(),
             pick: self.pick.map(|n| n as usize),
             color: self.color.clone(),
@@ -163,9 +156,5 @@ impl Figure {
             smooth: self.smooth,
             ..FigureFlags::default()
         }
-    }
-
-    fn selectors(&self) -> impl Iterator<Item = &Selector> {
-        self.labels.iter().flat_map(|list| &list.0)
     }
 }

@@ -6,6 +6,7 @@ use pumice_session::{ExportRequest, ExportSize, Form, Job, Merging, Reader, expo
 
 use super::open_options;
 use crate::Answer;
+use crate::args::selectors::{all_but_ids, ids};
 use crate::args::{Export, FormArg, ReaderArg};
 use crate::failure::{Failure, say, warn};
 use crate::json_report::{declare_report, write_report};
@@ -36,7 +37,8 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
             ReaderArg::Specification => Reader::Specification,
             ReaderArg::Blender => Reader::Blender,
         },
-        labels: args.labels.clone(),
+        labels: ids(&args.labels),
+        selected: all_but_ids(&args.labels),
         region: args.region,
         reading: open_options(&args.reading),
     };

@@ -29,8 +29,8 @@ const COLORS: [&str; 3] = ["color", "colour", "hex"];
 const CHANNELS: [[&str; 3]; 3] =
     [["r", "g", "b"], ["red", "green", "blue"], ["color_r", "color_g", "color_b"]];
 
-/// Numbers beyond this are no longer exact in f64.
-const MOST_EXACT: f64 = 9_007_199_254_740_992.0;
+/// Whole numbers beyond this are no longer all exact in f64.
+const MOST_EXACT: u128 = 1 << 53;
 
 /// Which columns have what, by index from 0.
 #[derive(Debug, Default)]
@@ -155,8 +155,10 @@ impl OtherColumn {
                     self.infinite = found();
                 }
                 // Digits without a point or an exponent are a whole number, which f64 must hold exactly.
-                let is_whole = cell.trim_start_matches(['-', '+']).bytes().all(|b| b.is_ascii_digit());
-                if is_whole && value.abs() > MOST_EXACT && self.rounded.is_none() {
+                let digits = cell.trim_start_matches(['-', '+']);
+                let is_whole = !digits.is_empty() && digits.bytes().all(|b| b.is_ascii_digit());
+                let is_exact = || digits.parse::<u128>().is_ok_and(|whole| whole <= MOST_EXACT);
+                if is_whole && !is_exact() && self.rounded.is_none() {
                     self.rounded = found();
                 }
                 self.values.push(value);

@@ -15,7 +15,7 @@ use pumice_transport::scene_plan::sums_of;
 use super::open_scene::{OpenedScene, check_files};
 use super::overrides::apply;
 use super::prepare::Prepared;
-use super::provenance::{check_hashes, check_sky};
+use super::provenance::{check_hashes, check_sky, other_labels};
 use super::request::RenderRequest;
 use crate::backend::make_renderer;
 use crate::denoise::{Filter, Oidn};
@@ -38,7 +38,7 @@ pub(super) fn prepare_again(request: &RenderRequest, picture: &Path, job: &Job) 
     check_files(&made.scene, &request.reading)?;
     check_made(picture, &made, available_bytes())?;
 
-    let (denoise, notices) = same_filter(made.denoised)?;
+    let (denoise, mut notices) = same_filter(made.denoised)?;
 
     // Open what it was made from, and nothing else.
     check_sky(picture, &made)?;
@@ -47,6 +47,9 @@ pub(super) fn prepare_again(request: &RenderRequest, picture: &Path, job: &Job) 
     let volumes = open_shown(&made.scene, instead.as_ref(), &request.reading, residence, job)?;
     let meshes = open_meshes(&made.scene)?;
     check_hashes(picture, &made, &volumes, &meshes)?;
+    if instead.is_none() {
+        notices.extend(other_labels(&made, &volumes));
+    }
 
     let backend = match request.backend.as_str() {
         "auto" => {
@@ -149,6 +152,7 @@ mod tests {
             version: "0".into(),
             backend: "cpu".into(),
             volume_hashes: vec![String::new(); scene.scene().instances.len()],
+            label_hashes: Vec::new(),
             mesh_hashes: vec![String::new(); scene.scene().meshes.len()],
             scene: scene.scene().clone(),
             sky_hash: None,

@@ -27,12 +27,17 @@ pub(crate) fn is_scene_file(path: &Path) -> bool {
     path.extension().is_some_and(|e| e.eq_ignore_ascii_case("json"))
 }
 
+/// Whether a path stands for a whole scene, also as a state of Neuroglancer, and not for a volume alone.
+pub(crate) fn brings_scene(path: &Path) -> bool {
+    is_scene_file(path) || State::is_link(path)
+}
+
 /// The state of Neuroglancer that a path stands for, if it does.
 ///
 /// # Errors
 /// When the file cannot be read, or is a state with something wrong in it.
 pub(super) fn state_at(path: &Path) -> Result<Option<State>> {
-    if !is_scene_file(path) && !State::is_link(path) {
+    if !brings_scene(path) {
         return Ok(None);
     }
     let name = if State::is_link(path) { "the link".into() } else { path.display().to_string() };
@@ -119,7 +124,11 @@ pub(crate) fn open_scene(
         (scene, vec![volume], meshes)
     };
     apply(overrides, &mut scene, &volumes)?;
-    scene.validate().map_err(|source| SessionError::Scene { path: path.into(), source })?;
+    scene.validate().map_err(|source| match is_scene_file(path) {
+        true => SessionError::Scene { path: path.into(), source },
+        // Of a volume the command alone makes the scene.
+        false => SessionError::Caller(source.to_string()),
+    })?;
     Ok(OpenedScene { scene, volumes, meshes })
 }
 

@@ -48,6 +48,15 @@ pub(super) fn apply(
         let what = "--bounces: only the mode path has bounces; one-bounce and ao have none";
         return Err(SessionError::Caller(what.into()));
     }
+    let painted =
+        [("color", wishes.figure.color.is_empty()), ("material", wishes.figure.material.is_empty())];
+    if let (Mode::AmbientOcclusion, Some((flag, _))) =
+        (scene.settings.mode, painted.iter().find(|(_, is_none)| !is_none))
+    {
+        let what =
+            format!("--{flag}: in the mode ao all labels are white; path and one-bounce have materials");
+        return Err(SessionError::Caller(what));
+    }
     if let Some(lod) = wishes.lod {
         scene.settings.lod = lod;
     }

@@ -5,7 +5,8 @@ use std::sync::Arc;
 
 use pumice_core::{CompressedVolume, MeshData};
 use pumice_picture::Provenance;
-use pumice_scene::{Environment, Scene};
+use pumice_scene::{Environment, Instance, Scene, Show};
+use xxhash_rust::xxh3::Xxh3;
 
 use super::hashed_files::hash_of_file_once;
 use crate::error::{Result, SessionError, io};
@@ -13,6 +14,38 @@ use crate::error::{Result, SessionError, io};
 /// The content hash of a volume as 32 hexadecimal digits, as pictures carry it.
 pub fn hash_text(volume: &CompressedVolume) -> String {
     format!("{:032x}", volume.content_hash())
+}
+
+/// The hash of what a volume says of the labels that are shown, as 32 hexadecimal digits: ids, names and types, which legends and mattes have
+/// from it. The content hash of the volume knows the ids alone.
+pub(super) fn labels_hash_text(show: &Show, volume: &CompressedVolume) -> String {
+    let table = volume.labels();
+    let mut hash = Xxh3::new();
+    let mut text = |text: &str| {
+        hash.update(&(text.len() as u64).to_le_bytes());
+        hash.update(text.as_bytes());
+    };
+    let is_shown = show.among(table.ids());
+    for (label, id) in (0..).zip(table.ids()).filter(|(label, _)| is_shown[*label as usize]) {
+        text(&id.to_string());
+        text(volume.note(label).and_then(|note| note.name.as_deref()).unwrap_or(""));
+        text(table.type_of(label).map_or("", |number| &table.type_names()[usize::from(number)]));
+    }
+    format!("{:032x}", hash.digest128())
+}
+
+/// A line for each volume whose shown labels have other names or types than when a picture was made.
+pub(super) fn other_labels(made: &Provenance, volumes: &[Arc<CompressedVolume>]) -> Vec<String> {
+    let instances = made.scene.instances.iter().zip(&made.label_hashes).zip(volumes);
+    let changed = instances
+        .filter(|((instance, then), volume)| labels_hash_text(&instance.style.show, volume) != **then);
+    let line = |instance: &Instance| {
+        format!(
+            "{}: names or types of its labels have changed since the earlier picture: a legend and mattes are not the same",
+            instance.source.display()
+        )
+    };
+    changed.map(|((instance, _), _)| line(instance)).collect()
 }
 
 /// The content hash of a mesh as 32 hexadecimal digits.

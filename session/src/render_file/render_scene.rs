@@ -9,7 +9,7 @@ use pumice_transport::scene_plan::sums_of;
 use pumice_transport::{LoadedScene, RenderError, Renderer};
 use serde::Serialize;
 
-use super::provenance::{hash_text, mesh_hash_text, sky_hash_text};
+use super::provenance::{hash_text, labels_hash_text, mesh_hash_text, sky_hash_text};
 use crate::backend::{FallbackRenderer, make_renderer};
 use crate::denoise::Filter;
 use crate::error::Result;
@@ -289,6 +289,12 @@ pub(crate) fn report(
         backend: backend.clone(),
         scene: scene.clone(),
         volume_hashes: volumes.iter().map(|v| hash_text(v)).collect(),
+        label_hashes: scene
+            .instances
+            .iter()
+            .zip(volumes)
+            .map(|(instance, volume)| labels_hash_text(&instance.style.show, volume))
+            .collect(),
         mesh_hashes: meshes.iter().map(|m| mesh_hash_text(m)).collect(),
         sky_hash,
         spp: last.spp,
