@@ -332,7 +332,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("PathTracer::advance", "schedules samples; src/slices.rs and src/renderer.rs do it for devices"),
             ("PathTracer::error_estimate", SHOWN),
             ("PathTracer::picture", SHOWN),
-            ("PathTracer::surfaces", SHOWN),
+            (
+                "PathTracer::guides",
+                "guides of the processor's denoiser; a device makes its own from first surfaces",
+            ),
             ("PathTracer::add_early", COARSE),
             ("PathTracer::adding", "borrows what samples are added with"),
         ],
@@ -556,7 +559,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
     ),
     (
         "picture/src/denoise/guides.rs",
-        &[("Guides::fit", "which picture the guides are of: checked by the host")],
+        &[
+            ("Guides::by_pixels", "guides_of, for all pixels"),
+            ("Guides::fit", "which picture the guides are of: checked by the host"),
+        ],
     ),
     (
         "picture/src/denoise/welch.rs",
@@ -718,6 +724,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
     ),
     ("transport/src/lamp/ball.rs", &[("smoothstep", "smoothstep_of")]),
     ("picture/src/denoise/windows.rs", &[("weight_of", "weights")]),
+    ("picture/src/denoise/guides.rs", &[("GuideSurface::is_sound", "guides_of")]),
     ("transport/src/material_table.rs", &[("MaterialTable::material", "material_of")]),
     (
         "cpu-renderer/src/path.rs",
@@ -727,6 +734,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         "cpu-renderer/src/path_tracer.rs",
         &[
             ("PathTracer::pick", "first_of_pixel"),
+            ("PathTracer::seen", "first_of_pixel"),
             ("PathTracer::first", "first_of_pixel"),
             ("Adding::add", "add_samples"),
         ],
