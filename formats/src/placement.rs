@@ -60,7 +60,7 @@ pub(crate) fn world_from_centre(
     if flatness.is_nan() || flatness < 1e-9 {
         return Err(FormatError::damaged(
             path,
-            "the three axis vectors lie in one plane: the header's orientation is damaged",
+            "the three axis vectors lie in one plane, or one is too short or too long beside the others: the orientation is damaged",
         ));
     }
     Ok(DAffine3::from_mat3_translation(matrix, origin))

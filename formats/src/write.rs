@@ -71,7 +71,8 @@ fn writer_of(out: &Path) -> Result<Start> {
     let writer = WRITERS.iter().find(|(ending, _)| name.ends_with(ending));
     writer.map(|&(_, start)| start).ok_or_else(|| FormatError::Unknown {
         path: out.to_owned(),
-        what: "the ending names no format that can be written: expected .nrrd, .npy, .nii.gz, .nii, .tif or .tiff"
+        what: "the ending names no format that can be written: expected .nrrd, .npy, .nii.gz, .nii, .tif, .tiff, or a folder \
+               .zarr or .precomputed"
             .into(),
     })
 }

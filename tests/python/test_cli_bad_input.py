@@ -512,8 +512,16 @@ def test_a_negative_number_is_a_value_of_its_option(pumice, option):
     assert "minus sign" in run(pumice, "render", "a", "-o", "b.png", "--size", "-1x10").refused()
 
 
-def test_a_pumice_file_is_no_source(pumice, good_pumice, tmp_path):
-    assert "this is a .pumice file" in run(pumice, "compress", good_pumice, "-o", tmp_path / "o.pumice").refused()
+def test_a_picture_of_nothing_says_so(pumice, tmp_path):
+    small = ["-o", tmp_path / "o.png", "--size", "8x8", "--spp", 1, "--backend", "cpu"]
+    for value in (0, 1):
+        np.save(tmp_path / "a.npy", np.full((4, 5, 6), value, np.uint8))
+        done = run(pumice, "render", tmp_path / "a.npy", "--axes", "xyz", *small)
+        assert done.code == 0 and ("a.npy: nothing is shown" in done.err) == (value == 0), done
+
+
+def test_a_pumice_file_is_no_source(pumice, good_pumice):
+    assert "this is a .pumice file" in run(pumice, "verify", good_pumice, good_pumice).refused()
 
 
 def test_unknown_endings_and_backends(pumice, good, good_pumice, tmp_path):

@@ -1,7 +1,10 @@
 //! Turns the subject of a request into a scene with its volumes and meshes open.
 
-use pumice_core::Job;
+use std::sync::Arc;
+
+use pumice_core::{CompressedVolume, Job};
 use pumice_picture::Annotations;
+use pumice_scene::Instance;
 
 use super::again::prepare_again;
 use super::open_scene::{OpenedScene, open_scene};
@@ -19,7 +22,7 @@ pub(super) struct Prepared {
     pub(super) backend: String,
     pub(super) annotations: Annotations,
     pub(super) denoise: Option<Filter>,
-    /// What keeps the picture from being the same as an earlier one, one line each.
+    /// What a user may not expect of the picture, one line each.
     pub(super) notices: Vec<String>,
 }
 
@@ -27,18 +30,30 @@ pub(super) struct Prepared {
 pub(super) fn prepare(request: &RenderRequest, denoise: Option<Filter>, job: &Job) -> Result<Prepared> {
     match &request.subject {
         Subject::Again(picture) => prepare_again(request, picture, job),
-        Subject::File(path) => Ok(Prepared {
-            opened: {
-                let residence = Residence::within(request.memory_limit_bytes);
-                open_scene(path, &beside_legend(request), &request.reading, residence, job)?
-            },
-            stop: request.stop,
-            backend: request.backend.clone(),
-            annotations: request.annotations.clone(),
-            denoise,
-            notices: Vec::new(),
-        }),
+        Subject::File(path) => {
+            let residence = Residence::within(request.memory_limit_bytes);
+            let opened = open_scene(path, &beside_legend(request), &request.reading, residence, job)?;
+            let notice = || format!("{}: nothing is shown, because no label of a volume is", path.display());
+            Ok(Prepared {
+                notices: shows_nothing(&opened).then(notice).into_iter().collect(),
+                opened,
+                stop: request.stop,
+                backend: request.backend.clone(),
+                annotations: request.annotations.clone(),
+                denoise,
+            })
+        }
     }
+}
+
+/// Whether a scene has volumes, and neither a label that is shown nor a mesh.
+fn shows_nothing(opened: &OpenedScene) -> bool {
+    let OpenedScene { scene, volumes, meshes } = opened;
+    let mut instances = scene.instances.iter().zip(volumes);
+    let is_hidden = |(instance, volume): (&Instance, &Arc<CompressedVolume>)| {
+        !instance.style.show.among(volume.labels().ids()).contains(&true)
+    };
+    !volumes.is_empty() && meshes.is_empty() && instances.all(is_hidden)
 }
 
 /// The overrides of a request, with a figure that is framed beside the legend that the picture gets.
