@@ -9,6 +9,7 @@ Scene.
 
 import dataclasses
 import os
+import shlex
 import tempfile
 
 import bpy
@@ -36,8 +37,25 @@ STAGES = (".usdc", ".usda", ".usdz")
 
 
 def parts_to_export(depsgraph):
-    """(Parts, what was left out) of the frame that F12 draws; triangles are `mesh_file.Arrays`."""
-    return final_render.parts_of_frame(depsgraph, as_rendered=True, kept=scene_reader.Kept(mesh_file.Arrays))
+    """(Parts, what was left out) of the frame that F12 draws; triangles are `mesh_file.Arrays`. Raises Refused where a volume's file is missing."""
+    parts, left_out = final_render.parts_of_frame(depsgraph, as_rendered=True, kept=scene_reader.Kept(mesh_file.Arrays))
+    for placed in parts.placed.values():
+        if not native.is_on_server(placed.source) and not os.path.exists(placed.source):
+            raise Refused(f"{placed.source}: the volume's file is missing; reload it from another place, or hide its object")
+    return parts, left_out
+
+
+def command(wishes, path):
+    """The command that makes F12's picture of an exported scene."""
+    limits = final_render.limits(wishes)
+    words = ["pumice", "render", path, "--spp", str(limits["spp"])]
+    if limits["error"] is not None:
+        words += ["--error", f"{wishes.error_percent:.6g}%"]
+    if limits["seconds"] is not None:
+        words += ["--time", f"{limits['seconds']:.6g}"]
+    if wishes.use_denoise:
+        words += ["--denoise=oidn" if wishes.denoiser == "OIDN" else "--denoise"]
+    return shlex.join([*words, "-o", "picture.exr"])
 
 
 def save(parts, path):
@@ -112,8 +130,10 @@ class PUMICE_OT_export_scene(InBackground, bpy.types.Operator, ExportHelper):
             return {"CANCELLED"}
         for line in left_out:
             self.report({"WARNING"}, line)
-        wishes = context.scene.pumice
-        self.report({"INFO"}, f"F12's picture: pumice render {self.filepath} --spp {wishes.samples} -o picture.exr")
+        render = context.scene.render
+        if render.use_border and not render.use_crop_to_border:
+            self.report({"WARNING"}, "The scene is the render region alone, which F12 draws into the whole picture")
+        self.report({"INFO"}, f"F12's picture: {command(context.scene.pumice, self.filepath)}")
         return {"FINISHED"}
 
     def begin(self, context):

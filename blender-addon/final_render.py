@@ -29,7 +29,8 @@ def parts_of_frame(depsgraph, as_rendered=False, kept=None):
     if asked is not None:
         ranks = passes.ranks(depsgraph.view_layer_eval)
         parts = dataclasses.replace(parts, film={**parts.film, "passes": asked, "cryptomatte_ranks": ranks})
-    return parts, scene_reader.render_warnings(scene, depsgraph.view_layer_eval) + left_out
+    view_layer = depsgraph.view_layer_eval
+    return parts, scene_reader.render_warnings(scene, view_layer) + passes.left_out_of(view_layer) + left_out
 
 
 def limits(wishes):

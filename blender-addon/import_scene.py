@@ -28,6 +28,11 @@ def restore(context, path, use_scene):
     """Imports a stage and sets what its notes say. Returns (its objects, lines for the user)."""
     scene = context.scene
     before = {uid(block) for blocks in (bpy.data.objects, bpy.data.materials) for block in blocks}
+    try:
+        bpy.ops.wm.usd_import.get_rna_type()
+    except KeyError:
+        raise Refused("This Blender was built without USD") from None
+    former = scene.world
     if use_scene:
         # The importer fills the world that is there, and makes none.
         scene.world = bpy.data.worlds.new("World")
@@ -38,11 +43,16 @@ def restore(context, path, use_scene):
         "set_frame_range": False,
         "create_world_material": use_scene,
     }
+    accepted = usd_stage.accepted(bpy.ops.wm.usd_import, wishes)
     try:
-        bpy.ops.wm.usd_import.get_rna_type()
-    except KeyError:
-        raise Refused("This Blender was built without USD") from None
-    if bpy.ops.wm.usd_import(filepath=path, **usd_stage.accepted(bpy.ops.wm.usd_import, wishes)) != {"FINISHED"}:
+        result = bpy.ops.wm.usd_import(filepath=path, **accepted)
+    except RuntimeError:
+        # What the importer reports as an error.
+        result = {"CANCELLED"}
+    if result != {"FINISHED"}:
+        if use_scene:
+            bpy.data.worlds.remove(scene.world)
+            scene.world = former
         raise Refused(f"{path}: Blender's importer cannot read it; its messages say why")
     context.view_layer.update()
     objects = [obj for obj in bpy.data.objects if uid(obj) not in before]

@@ -272,7 +272,7 @@ def not_drawn(scene, view_layer):
     """One line for each thing in a scene and its view layer that Pumice does not draw."""
     if native.MISSING:
         return [native.MISSING]
-    lines = scene_reader.render_warnings(scene, view_layer) + world.read(scene.world)[1]
+    lines = scene_reader.render_warnings(scene, view_layer) + passes.left_out_of(view_layer) + world.read(scene.world)[1]
     others, dresses, keys = [], materials.Dresses(), [(obj.session_uid,) for obj in scene.objects if is_volume(obj)]
     for obj in scene.objects:
         if obj.hide_render:

@@ -103,6 +103,22 @@ TABLE = (
 )
 
 
+# Passes of Blender and Cycles that are not drawn.
+NOT_DRAWN = (
+    ("use_pass_mist", "Mist"),
+    ("use_pass_vector", "Vector"),
+    ("use_pass_uv", "UV"),
+    ("use_pass_object_index", "Object Index"),
+    ("use_pass_material_index", "Material Index"),
+    ("use_pass_ambient_occlusion", "Ambient Occlusion"),
+    ("use_pass_shadow", "Shadow"),
+    ("use_pass_cryptomatte_material", "Cryptomatte Material"),
+    ("use_pass_subsurface_direct", "Subsurface Direct"),
+    ("use_pass_subsurface_indirect", "Subsurface Indirect"),
+    ("use_pass_subsurface_color", "Subsurface Color"),
+)
+
+
 def ranks(view_layer):
     """Number of labels per pixel in Cryptomatte: whole layers of two, as in Cycles."""
     return 2 * ((min(16, view_layer.pass_cryptomatte_depth) + 1) // 2)
@@ -126,6 +142,12 @@ def metadata(view_layer, picture, hash_of):
 def wanted(view_layer):
     """The passes of a view layer except Combined."""
     return [one for one in TABLE if one.is_wanted(view_layer)]
+
+
+def left_out_of(view_layer):
+    """A line with the passes of Blender's own that a view layer asks for and no picture has."""
+    asked = [name for flag, name in NOT_DRAWN if getattr(view_layer, flag, False)]
+    return [f"View layer {view_layer.name}: no pass {' or '.join(asked)}"] if asked else []
 
 
 def registered(view_layer, is_denoised=False):

@@ -14,7 +14,7 @@ from . import figure_follow, time_settings
 from .properties import is_volume
 from .reports import Refused
 from .sync import camera as camera_math
-from .sync import cuts, drawn, instances, lens, lights, materials, meshes, world
+from .sync import cuts, drawn, instances, lens, lights, materials, meshes, object_rays, world
 from .sync.parts import Parts, PlacedCut
 
 # Types of objects that have a surface which Pumice does not draw.
@@ -182,6 +182,9 @@ def render_warnings(scene, view_layer):
     for override, what in (("material_override", "Material Override"), ("world_override", "World Override")):
         if getattr(view_layer, override, None) is not None:
             out.append(f"View layer {view_layer.name}: {what} is not drawn")
+    out += object_rays.of_collections(view_layer)
+    if scene.camera is not None and scene.camera.type == "CAMERA" and lens.is_sheared(scene.camera):
+        out.append(f"Camera {scene.camera.name}: its shear is not drawn; its axes are at right angles")
     if render.film_transparent and getattr(getattr(scene, "cycles", None), "film_transparent_glass", False):
         out.append("Transparent Glass is not drawn: what is seen through glass is opaque")
     if render.film_transparent and not drawn.TRANSPARENT:

@@ -9,7 +9,7 @@ labels, and its label table says to which of them each label belongs.
 import numpy as np
 
 from .. import file_paths, label_table, properties, table_writes, time_settings, volume_place
-from . import materials, matrix
+from . import materials, matrix, object_rays
 from .label_style import Columns, LabelStyle, MadeGroups, with_rows
 from .parts import Placed
 
@@ -76,6 +76,7 @@ class Styles:
 def left_out_of(obj):
     """What of a volume object's file, shape and materials is not drawn."""
     lines = [line for line in (file_paths.find(obj)[1],) if line] + _place(obj, obj.matrix_world)[1]
+    lines += object_rays.left_out_of(obj, catches=False)
     lines += [line for slot in obj.material_slots for line in materials.read(slot.material)[2]]
     table = obj.pumice.table
     return lines if table is None else lines + _unused(obj, _groups(table, max(1, len(obj.material_slots))))
@@ -89,6 +90,7 @@ def placed(obj, world_from_object, styles, frame):
     world_from_index, left_out = _place(obj, world_from_object)
     path, elsewhere = file_paths.find(obj.original)
     left_out += [elsewhere] if elsewhere else []
+    left_out += object_rays.left_out_of(obj, catches=False)
     if world_from_index is None:
         return None, left_out
     style, lines = styles.read(obj)

@@ -4,13 +4,14 @@
 
 from ..reports import Refused
 from . import camera as camera_math
+from . import matrix
 
 
 def read(obj, depsgraph=None):
     """The scene's camera from an evaluated camera object; the object's scale does not count, as in Blender."""
     data = require_flat(obj)
     return camera_math.from_lens(
-        obj.matrix_world,
+        _place(obj)[0],
         kind=data.type,
         lens_mm=data.lens,
         ortho_scale=data.ortho_scale,
@@ -20,6 +21,21 @@ def read(obj, depsgraph=None):
         clip=(data.clip_start, data.clip_end),
         aperture=aperture(obj, depsgraph),
     )
+
+
+def is_sheared(obj):
+    """Whether a parent that is scaled unevenly shears a turned camera."""
+    return _place(obj)[1]
+
+
+def _place(obj):
+    """(the matrix of a camera object with unit axes at right angles, whether they were not)."""
+    world = matrix.unit_axes(obj.matrix_world)
+    try:
+        return matrix.without_shear(world)
+    except ZeroDivisionError:
+        # Its axes lie in a plane: the compiled module names what is wrong with them.
+        return world, False
 
 
 def require_flat(obj):

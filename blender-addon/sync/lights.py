@@ -66,6 +66,8 @@ class _Lamp:
 
     def _strength_and_color(self):
         light = self.light
+        if light.energy < 0.0:
+            self.leave_out("negative light is not drawn")
         color = [max(0.0, float(c)) for c in light.color]
         if getattr(light, "use_temperature", False):
             color = [c * max(0.0, float(t)) for c, t in zip(color, light.temperature_color)]
@@ -90,7 +92,10 @@ class _Lamp:
             if not whole:
                 self.leave_out(f"what is linked to {name} of its Emission is not drawn; its own value is used")
             values.append(value)
-        return max(0.0, float(values[0])), [max(0.0, float(c)) for c in list(values[1])[:3]]
+        factor, tint = float(values[0]), [float(c) for c in list(values[1])[:3]]
+        if min(factor, *tint) < 0.0:
+            self.leave_out("negative light of its Emission is not drawn")
+        return max(0.0, factor), [max(0.0, c) for c in tint]
 
     def _direction(self):
         """Light travels along the object's own -z; None where that is scaled to nothing."""

@@ -16,7 +16,7 @@ from typing import NamedTuple
 import numpy as np
 
 from .. import native
-from . import drawn, lights, matrix
+from . import drawn, matrix, object_rays
 from .parts import PlacedMesh
 
 # What has triangles; of other objects with a surface (hair, points, volumes, strokes) there is a line. The dependency graph gives of
@@ -90,16 +90,7 @@ def placed(obj, world_from_mesh, geometries, dresses):
 
 def left_out_of(obj):
     """One line for each property of an object that is not drawn; its materials have their own lines."""
-    owner, left_out = f"Object {obj.name}", []
-    if obj.is_shadow_catcher and not drawn.SHADOW_CATCHER:
-        left_out.append(f"{owner}: Shadow Catcher is drawn as an ordinary object")
-    if obj.is_holdout:
-        left_out.append(f"{owner}: Holdout is not drawn")
-    rays = ("camera", "diffuse", "glossy", "transmission", "shadow")
-    hidden = [ray for ray in rays if not getattr(obj, f"visible_{ray}")]
-    if hidden:
-        left_out.append(f"{owner}: it is seen by {' and '.join(hidden)} rays all the same")
-    return left_out + lights.linking(obj, owner)
+    return object_rays.left_out_of(obj, catches=drawn.SHADOW_CATCHER)
 
 
 def _key(obj):

@@ -45,6 +45,8 @@ def _read(world):
     strength, whole = nodes.value(node.inputs["Strength"])
     if not whole:
         left_out.append("World: what is linked to Strength is not drawn; its own value is used")
+    if strength < 0.0:
+        left_out.append("World: negative light is not drawn")
     strength = max(0.0, float(strength))
     picture = nodes.source(node.inputs["Color"])
     if picture is not None and picture.type == "TEX_ENVIRONMENT" and not picture.mute:

@@ -267,6 +267,60 @@ def test_export_refuses_where_it_could_not_be_the_same_picture(stage, tmp_path):
     assert saved[-1]["instances"] == []
 
 
+def test_the_command_of_an_exported_scene_has_all_limits(stage, extension, tmp_path):
+    wishes, command = stage.scene.pumice, extension.export_scene.command
+    wishes.samples, wishes.use_error, wishes.use_time, wishes.use_denoise = 7, False, False, False
+    assert command(wishes, "/tmp/a.json") == "pumice render /tmp/a.json --spp 7 -o picture.exr"
+    wishes.use_error, wishes.error_percent = True, 2.5
+    wishes.use_time, wishes.time_seconds = True, 30.0
+    wishes.use_denoise, wishes.denoiser = True, "STATISTICAL"
+    expected = "pumice render '/tmp/a b.json' --spp 7 --error 2.5% --time 30 --denoise -o picture.exr"
+    assert command(wishes, "/tmp/a b.json") == expected
+    wishes.denoiser = "OIDN"
+    assert "--denoise=oidn " in command(wishes, "a.json")
+
+
+def test_a_scene_whose_volume_is_missing_is_not_exported(stage, tmp_path):
+    stage.path.unlink()
+    with pytest.raises(RuntimeError, match="cells.pumice: the volume's file is missing"):
+        stage.bpy.ops.pumice.export_scene(filepath=str(tmp_path / "scene.json"))
+    assert not (tmp_path / "scene.json").exists()
+
+
+def test_what_is_not_drawn_of_a_frame_is_named(stage):
+    """Of a volume's visibility, of collections, of the view layer's passes, of a sheared camera; nothing where all is drawn."""
+    frame = lambda: stage.load("final_render").parts_of_frame(stage.bpy.context.evaluated_depsgraph_get(), as_rendered=True)[1]  # noqa: E731
+    assert frame() == []
+    layer, obj, camera = stage.bpy.context.view_layer, stage.obj, stage.scene.camera
+    obj.is_holdout, obj.is_shadow_catcher, obj.visible_camera, obj.visible_shadow = True, True, False, False
+    collection = stage.bpy.data.collections.new("apart")
+    stage.scene.collection.children.link(collection)
+    layer.layer_collection.children["apart"].indirect_only = True
+    layer.use_pass_mist, layer.use_pass_vector, layer.use_pass_z = True, True, True
+    parent = stage.bpy.data.objects.new("parent", None)
+    stage.scene.collection.objects.link(parent)
+    parent.scale = (1.0, 2.0, 1.0)
+    camera.rotation_euler = (0.9, 0.3, 0.5)
+    camera.parent = parent
+    layer.update()
+    said = frame()
+    assert set(said) == {
+        f"Object {obj.name}: Shadow Catcher is drawn as an ordinary object",
+        f"Object {obj.name}: Holdout is not drawn",
+        f"Object {obj.name}: it is seen by camera and shadow rays all the same",
+        "Collection apart: Indirect Only is not drawn",
+        f"View layer {layer.name}: no pass Mist or Vector",
+        f"Camera {camera.name}: its shear is not drawn; its axes are at right angles",
+    }
+    panel = stage.load("panels").not_drawn(stage.scene, layer)
+    assert set(said) <= set(panel), set(said) - set(panel)
+    axes = np.array(stage.load("scene_reader").lens.read(camera)["world_from_camera"]).reshape(4, 3)[:3]
+    assert np.allclose(axes @ axes.T, np.eye(3), atol=1e-6)
+    # The view axis is the camera's own.
+    along = np.array(camera.matrix_world.col[2][:3])
+    assert np.allclose(axes[2], along / np.linalg.norm(along), atol=1e-6)
+
+
 def ply(path):
     """(corners, triangles, material indices) of a PLY file of the extension."""
     data = path.read_bytes()

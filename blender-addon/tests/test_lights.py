@@ -187,6 +187,15 @@ def test_what_is_not_drawn_of_a_light_is_named(blender, read):
     assert all(line.startswith("Light lamp: ") for line in left_out)
 
 
+def test_negative_light_is_named(blender, read):
+    for kind in ("SUN", "POINT", "AREA"):
+        obj = lamp(blender, kind, energy=-5.0)
+        _, value, left_out = read(obj)
+        assert value.get("power_w", value.get("strength")) == 0.0
+        assert f"Light {obj.name}: negative light is not drawn" in left_out
+    assert not any("negative" in line for line in read(lamp(blender, "POINT"))[2])
+
+
 def test_lights_that_give_none_are_left_out(blender, read):
     assert read(lamp(blender, "AREA", size=0.0))[0] is None
     assert read(lamp(blender, "SUN", scale=(1.0, 1.0, 0.0)))[0] is None

@@ -292,6 +292,11 @@ def test_errors_are_one_line_and_leave_nothing(staged, extension, monkeypatch, t
         staged.ops.pumice.export_scene(filepath=str(tmp_path / "missing/scene.usdc"))
     with pytest.raises(RuntimeError, match="there is no such file"):
         staged.ops.pumice.import_scene(filepath=str(tmp_path / "missing.usdc"))
+    (tmp_path / "junk.usdc").write_bytes(b"junk")
+    world, count = staged.context.scene.world, len(staged.data.worlds)
+    with pytest.raises(RuntimeError, match="junk.usdc: Blender's importer cannot read it"):
+        staged.ops.pumice.import_scene(filepath=str(tmp_path / "junk.usdc"))
+    assert staged.context.scene.world == world and len(staged.data.worlds) == count
     folder = tmp_path / "out"
     (folder / "textures").mkdir(parents=True)
     exported(staged, folder / "scene.usdc")

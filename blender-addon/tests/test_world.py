@@ -202,6 +202,12 @@ def test_what_is_not_drawn_of_a_world_is_named(blender, read, tmp_path):
     assert read(made)[1] == ["World: Sky Texture is not drawn yet; the Background's own color is"]
 
 
+def test_negative_light_of_a_world_is_named(blender, read):
+    made, _ = world(blender, Color=(0.2, 0.4, 0.8, 1.0), Strength=-0.5)
+    value, left_out = read(made)
+    assert value["environment"]["constant"]["radiance"] == [0.0] * 3 and left_out == ["World: negative light is not drawn"]
+
+
 def test_a_constant_is_color_times_strength(blender, read, tmp_path):
     scene = cycles_oracle.prepare(blender, tmp_path, size=4, samples=1)
     made, background = world(blender, Color=(0.2, 0.4, 0.8, 1.0), Strength=1.75)

@@ -243,10 +243,13 @@ impl Live {
     /// Applies all edits or, on an error, none. Returns the new revision, whose frames follow; an empty list changes nothing.
     ///
     /// # Errors
-    /// When the edited scene would not be valid; the scene is then unchanged.
+    /// When the edited scene would not be valid; the scene is then unchanged. When the picture was stopped.
     pub fn edit<E: Into<LoadedEdit>>(&self, edits: Vec<E>) -> Result<u64> {
         let edits: Vec<LoadedEdit> = edits.into_iter().map(Into::into).collect();
         let mut board = self.shared.board();
+        if let LiveState::Stopped = board.state {
+            return Err(SessionError::Caller("edit: the live picture has stopped".into()));
+        }
         if edits.is_empty() {
             return Ok(board.revision);
         }

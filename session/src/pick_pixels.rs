@@ -139,7 +139,7 @@ pub fn find_voxel(
     let (got, source) = (hash_text(volume), instance.source.display());
     if got != expected {
         return Err(SessionError::Caller(format!(
-            "the picture was made from a volume with the hash {expected}, but {source} now has {got}"
+            "the picture was made from a volume with the hash {expected} ({source}), and the one that is given has {got}"
         )));
     }
     let Some(position) = picked.position else {

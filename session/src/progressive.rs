@@ -19,14 +19,40 @@ pub struct Stop {
     pub error: Option<f64>,
 }
 
+/// The next number of samples above `spp` at which the estimated error is compared with a limit: 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24 and so on,
+/// in steps of an eighth to a fourth. Were it compared whenever a slice of time ends, how long a sample takes would decide about the picture.
+fn next_look(spp: u32) -> u32 {
+    let step = step_of_looks(spp);
+    (spp.max(FIRST_LOOK - 1) / step).saturating_add(1).saturating_mul(step)
+}
+
+fn is_look(spp: u32) -> bool {
+    spp >= FIRST_LOOK && spp.is_multiple_of(step_of_looks(spp))
+}
+
+/// Samples with which a film begins to estimate its error.
+const FIRST_LOOK: u32 = 4;
+
+/// A fourth of the largest power of two up to `spp`.
+fn step_of_looks(spp: u32) -> u32 {
+    1 << (spp.max(FIRST_LOOK).ilog2() - 2)
+}
+
 impl Stop {
-    /// Whether a picture with this progress after `seconds` wall seconds is done.
+    /// Most samples that a picture with so many may have after the next call into its renderer.
+    pub(crate) fn most_samples(&self, spp: u32) -> u32 {
+        let look = if self.error.is_some() { next_look(spp) } else { u32::MAX };
+        self.spp.unwrap_or(u32::MAX).min(look)
+    }
+
+    /// Whether a picture with this progress after `seconds` wall seconds is done. The error counts at a fixed sequence of numbers of samples alone,
+    /// so that the same scene has the same samples however fast it is drawn.
     pub fn is_met(&self, progress: &Progress, seconds: f64) -> bool {
         let error = progress.error_estimate;
         progress.all_rest
             || progress.spp >= self.spp.unwrap_or(u32::MAX)
             || self.seconds.is_some_and(|limit| seconds >= limit)
-            || self.error.is_some_and(|bar| error.is_finite() && error <= bar)
+            || self.error.is_some_and(|bar| is_look(progress.spp) && error.is_finite() && error <= bar)
     }
 }
 
@@ -108,7 +134,7 @@ pub(crate) fn render_watched(
 /// Time of the next call into the renderer, and the most samples that pixels may have after it, `seconds` after the start.
 ///
 /// A pass over the picture may add several samples to each pixel. So that it does not go on far beyond a time limit, it gets as many as the
-/// time that is left suffices for, at the pace until `last`, but one at least.
+/// time that is left suffices for, at the pace until `last`, but one at least. With a limit of the error it goes on to the next look at it.
 fn next_slice(stop: &Stop, seconds: f64, last: Option<&CurvePoint>) -> (Duration, u32) {
     let left = stop.seconds.map_or(f64::INFINITY, |end| (end - seconds).max(0.0));
     let limit = match last {
@@ -118,7 +144,8 @@ fn next_slice(stop: &Stop, seconds: f64, last: Option<&CurvePoint>) -> (Duration
         }
         _ => u32::MAX,
     };
-    (SLICE.min(Duration::from_secs_f64(left.min(1.0))), stop.spp.unwrap_or(u32::MAX).min(limit))
+    let slice = SLICE.min(Duration::from_secs_f64(left.min(1.0)));
+    (slice, stop.most_samples(last.map_or(0, |last| last.spp)).min(limit))
 }
 
 /// At most `keep` points of a curve, evenly spread in log time, including the first and the last, for a table or a report.
@@ -167,6 +194,24 @@ mod tests {
         assert_eq!(next(Some(1e300), None, Some(&last)), (SLICE, u32::MAX));
     }
 
+    #[test]
+    fn the_error_is_looked_at_in_steps_of_an_eighth_to_a_fourth() {
+        let mut looks = vec![next_look(0)];
+        while looks.last().is_some_and(|&look| look < 200) {
+            looks.extend(looks.last().map(|&look| next_look(look)));
+        }
+        assert_eq!(looks[..12], [4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28]);
+        for spp in 0..200 {
+            assert_eq!(is_look(spp), looks.contains(&spp), "{spp}");
+            assert_eq!(next_look(spp), looks.iter().copied().find(|&look| look > spp).unwrap());
+        }
+        assert_eq!(next_look(u32::MAX), u32::MAX);
+        let last = CurvePoint { spp: 17, ..point(4.0) };
+        let stop = Stop { error: Some(0.1), ..Stop::default() };
+        assert_eq!(next_slice(&stop, 4.0, Some(&last)), (SLICE, 20));
+        assert_eq!(next_slice(&stop, 0.0, None), (SLICE, 4));
+    }
+
     /// Each limit by itself, just missed and just met.
     #[test]
     fn a_picture_is_done_at_the_first_of_its_limits() {
@@ -182,6 +227,9 @@ mod tests {
         }
         assert!(!no_limit.is_met(&so_far, 1e9));
         assert!(no_limit.is_met(&Progress { all_rest: true, ..so_far }, 0.0));
+        // Between two looks at the error it meets no limit.
+        let between = Progress { spp: 9, ..so_far };
+        assert!(!Stop { error: Some(0.25), ..no_limit }.is_met(&between, 0.0));
         // An unknown error meets no limit.
         let unknown = Progress { error_estimate: f64::INFINITY, ..so_far };
         assert!(!Stop { error: Some(f64::INFINITY), ..no_limit }.is_met(&unknown, 0.0));

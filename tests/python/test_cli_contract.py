@@ -423,6 +423,17 @@ def test_stops_by_time_and_by_error(pumice, compressed, tmp_path):
     assert report["error_estimate"] <= 0.5
 
 
+def test_an_error_target_decides_about_samples_and_nothing_else_does(pumice, compressed, tmp_path):
+    """Neither threads nor load: the error is looked at with the same numbers of samples. The control is another target."""
+    out, report, seen = tmp_path / "a.png", tmp_path / "a.json", {}
+    for target, threads in [("6%", 1), ("6%", 2), ("6%", 2), ("3%", 2)]:
+        arguments = ["--size", "64x48", "--backend", "cpu", "--error", target, "--threads", threads, "--json", report]
+        run(pumice, "render", compressed["ct"][0], "-o", out, *arguments).fine()
+        seen.setdefault(target, []).append((json.loads(report.read_text())["spp"], out.read_bytes()))
+    first, *others = seen["6%"]
+    assert others == [first] * 2 and seen["3%"][0][0] > first[0] >= 4, [spp for spp, _ in others]
+
+
 def test_pixels_rest_once_they_are_good_enough(pumice, compressed, tmp_path):
     args = [compressed["ct"][0], "--size", "48x32", "--backend", "cpu"]
     rest = ["--noise-threshold", "15%", "--min-spp", "8"]

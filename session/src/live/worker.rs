@@ -264,12 +264,13 @@ impl Worker {
         self.whole = Some(view.revision);
         self.shared.board().error = None;
         let mut last_published = Instant::now();
-        let mut published_spp = 0;
+        let (mut published_spp, mut spp) = (0, 0);
         loop {
             let age = Duration::from_secs_f64(clock.seconds() / 4.0);
             let slice = age.clamp(FIRST_SLICE, LONGEST_SLICE);
-            let limit = self.stop.spp.unwrap_or(u32::MAX);
+            let limit = self.stop.most_samples(spp);
             let progress = self.drawing().advance(slice, limit, job)?;
+            spp = progress.spp;
             let stands_in = self.stand_in.is_some();
             let enough = self.stop.is_met(&progress, clock.seconds() - begun);
             // The last frame is the renderer's own.
