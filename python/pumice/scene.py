@@ -86,8 +86,8 @@ class Scene:
     ) -> Self:
         """The scene with other labels drawn of the `instance` with this id, and other groups of its labels.
 
-        `visible`: the ids of all labels of the volume, as `volume.labels.ids` has them, and for each whether it is drawn; of a label that is not among
-        them nothing is said, and it may become either. `groups`: `LabelGroups`. Without them all stays as it is."""
+        `visible`: the ids of all labels of the volume, as `volume.labels.ids` has them, and for each whether it is drawn; a label that is not
+        among them may become either. `groups`: `LabelGroups`. Without them all stays as it is."""
         return type(self)(self._native.with_labels(instance, flags(visible), None if groups is None else groups._native))
 
     def turntable(self, count: int) -> list[Self]:

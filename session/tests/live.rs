@@ -340,8 +340,8 @@ fn a_label_film_follows_what_moves_surfaces_and_outlives_the_rest() {
     let fourth = label_film(&live);
     assert_eq!((fourth.width, fourth.height, fourth.pixels.len()), (20, 30, 600));
     live.stop();
-    live.edit(vec![SceneEdit::Show { id: 1, show: Show::All }]).unwrap();
-    assert_eq!(live.label_film(), None, "a picture that was stopped makes no more");
+    let refused = live.edit(vec![SceneEdit::Show { id: 1, show: Show::All }]).unwrap_err();
+    assert_eq!(refused.to_string(), "edit: the live picture has stopped");
 }
 
 #[test]
