@@ -92,7 +92,7 @@ class ImportDialog(ImportHelper):
         name="Own Voxel Size", description="Set the size of a voxel, for files that state none or a wrong one", default=False
     )
     spacing: FloatVectorProperty(
-        name="Voxel Size", description="Size of a voxel along x, y and z", size=3, min=1e-12, default=(1.0, 1.0, 1.0)
+        name="Voxel Size", description="Size of a voxel along x, y and z", size=3, min=0.0, default=(1.0, 1.0, 1.0)
     )
     layer: IntProperty(
         name="Layer", description="Layer to read, if the file has several; -1 if it has one", min=-1, default=-1, options={"SKIP_SAVE"}
@@ -211,7 +211,10 @@ class ImportDialog(ImportHelper):
 
     def choice_of(self, path):
         """How a file is read: keywords of `pumice.compress`. In the dialog a file gets only the answers to what it leaves open."""
-        return _facts.answers_for(path, self._choice()) if self.asked else self._choice()
+        choice = self._choice()
+        if min(choice.get("spacing", (1.0,))) <= 0.0:
+            raise Refused("Voxel Size: expected three lengths above 0")
+        return _facts.answers_for(path, choice) if self.asked else choice
 
     def wanted(self, scene):
         """What is opened: `opening.Wanted` for each volume."""

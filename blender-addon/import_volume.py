@@ -19,6 +19,7 @@ from bpy.props import BoolProperty, EnumProperty, FloatProperty, IntProperty, St
 from . import cache, file_facts, first_look, label_files, label_table, native, online_access, opening, proxy_update, registry, time_settings, units, viewport, volume_object
 from .background import InBackground, Work
 from .import_dialog import ImportDialog, draw_scene_options
+from .reports import Refused
 
 ENDINGS = (".pumice", ".nrrd", ".nhdr", ".nii", ".gz", ".hdr", ".tif", ".tiff", ".npy", ".npz", ".mha", ".mhd", ".h5", ".hdf5", ".hdf")
 # Folders, which can be dropped; in the file browser a file in them stands for them.
@@ -44,7 +45,8 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
     longest_side: FloatProperty(
         name="Longest Side",
         description="Size of the volume's longest side in the scene; the display scale follows from it",
-        min=1e-6,
+        min=0.0,
+        soft_min=1e-6,
         default=10.0,
         subtype="DISTANCE",
     )
@@ -88,6 +90,8 @@ class PUMICE_OT_import_volume(ImportDialog, InBackground, bpy.types.Operator):
 
     def begin(self, context):
         online_access.check(self.paths())
+        if self.longest_side <= 0.0:
+            raise Refused("Longest Side: expected a length above 0")
         wanted = self.wanted(context.scene)
         call = lambda job, tell: opening.open_all(wanted, job, tell)  # noqa: E731
         return Work("Reading", call, tells=True, asks_server=opening.asks_server(wanted))

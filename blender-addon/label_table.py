@@ -244,7 +244,7 @@ def _write(mesh, name, kind, field, values):
 def _read(mesh, name, field, dtype, width):
     attribute = mesh.attributes.get(name)
     if attribute is None:
-        raise KeyError(f"mesh {mesh.name}: no attribute {name}; it is no label table")
+        raise Refused(f"Mesh {mesh.name}: it is no label table, or has lost its attribute {name}; undo that, or import the volume again")
     values = np.empty(len(mesh.vertices) * width, dtype=dtype)
     if len(values):
         attribute.data.foreach_get(field, values)

@@ -95,6 +95,21 @@ def test_what_cannot_be_read_is_one_line_and_leaves_nothing(stage):
     assert not [m for m in bpy.data.meshes if "labels" in m.name]
 
 
+@pytest.mark.parametrize(
+    "wishes,line",
+    [
+        ({"longest_side": 0.0}, "Longest Side: expected a length above 0"),
+        ({"longest_side": -5.0}, "Longest Side: expected a length above 0"),
+        ({"use_spacing": True, "spacing": (0.0, 1.0, 1.0)}, "Voxel Size: expected three lengths above 0"),
+        ({"use_spacing": True, "spacing": (1.0, 1.0, -2.0)}, "Voxel Size: expected three lengths above 0"),
+    ],
+)
+def test_sizes_that_are_none_are_refused(stage, wishes, line):
+    with pytest.raises(RuntimeError, match=line):
+        bpy.ops.pumice.import_volume(filepath=str(stage.source), **wishes)
+    assert not [obj for obj in bpy.data.objects if obj.pumice.filepath] and stage.module.compressed == []
+
+
 def test_cancel_ends_the_work_and_leaves_nothing(stage):
     begun = threading.Event()
 

@@ -90,5 +90,5 @@ def test_an_empty_volume_has_an_empty_table(blender, table):
 
 
 def test_a_mesh_that_is_none_is_named(blender, table):
-    with pytest.raises(KeyError, match="no attribute id_low"):
+    with pytest.raises(Exception, match="Mesh plain: it is no label table, or has lost its attribute id_low"):
         table.ids(blender.data.meshes.new("plain"))

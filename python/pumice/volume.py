@@ -477,7 +477,7 @@ def compress(
     axes are x, y, z all the same, in `spacing` and in `decode` too. An array of h5py, zarr, xarray or netCDF4 that names its axes x, y and z is
     read as they say; one that does not needs `axes`. Arrays are read in slabs and never whole.
 
-    For arrays: `spacing` (three lengths) or `world_from_index` (4 × 4, voxel corners to world), `unit` (nm, um, mm, m), `names` by id.
+    For arrays: `spacing` (three lengths) or `world_from_index` (4 × 4, voxel corners to world), `unit` (nm, um or µm, mm, m), `names` by id.
     `types`: type by id, or the path of a CSV table id,type. `table`: names, types, colours and numbers by id, as an `AnnotationTable` or a
     file that `read_label_table` reads; what it says replaces what the source has, and a `PumiceWarning` tells what does not fit.
     `memory_limit` is in bytes and includes the result: one below twice its size is refused with a number that suffices. `threads` of 0 uses all

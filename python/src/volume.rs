@@ -667,7 +667,13 @@ pub(crate) fn volume_info(
 ) -> PyResult<String> {
     let fault = |e: serde_json::Error| input(&e);
     let label_type: LabelType = serde_json::from_value(label_type.into()).map_err(fault)?;
-    let unit: Unit = serde_json::from_value(if unit.is_empty() { "unknown" } else { unit }.into())
+    let name = match unit {
+        "" => "unknown",
+        // The micro sign, and the Greek letter.
+        "µm" | "μm" => "um",
+        name => name,
+    };
+    let unit: Unit = serde_json::from_value(name.into())
         .map_err(|_| input(&format_args!("unit: expected nm, um, mm, m or unknown, got {unit:?}")))?;
     let notes = names.into_iter().map(|(id, name)| LabelNote { id, name: Some(name), color_srgb: None });
     let info = VolumeInfo {

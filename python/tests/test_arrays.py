@@ -39,6 +39,13 @@ def test_views_with_any_strides(labels):
         same(pumice.compress(view), view)
 
 
+def test_a_unit_has_its_usual_names(labels):
+    for given, unit in {"": "unknown", "nm": "nm", "um": "um", "µm": "um", "μm": "um", "mm": "mm"}.items():
+        assert pumice.compress(labels, unit=given).unit == unit
+    with pytest.raises(pumice.InputError, match="unit: expected nm, um, mm, m or unknown, got \"inch\""):
+        pumice.compress(labels, unit="inch")
+
+
 def test_ids_keep_all_their_bits():
     big = np.array([0, 1, (1 << 32) + 1, (1 << 53) + 1, (1 << 64) - 1], dtype=np.uint64)
     array = big[np.random.default_rng(1).integers(0, 5, (9, 8, 7))]
