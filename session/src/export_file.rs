@@ -11,11 +11,11 @@ use pumice_transport::LoadedScene;
 use serde::Serialize;
 
 use crate::error::{Result, SessionError};
-use crate::figure::{FigureFlags, FrameOn, Selector};
+use crate::figure::{FigureFlags, Selector};
 use crate::measure::{Stopwatch, peak_rss_bytes};
 use crate::open::Residence;
 use crate::render_file::RenderOverrides;
-use crate::render_file::open_scene::{OpenedScene, brings_scene, open_scene};
+use crate::render_file::open_scene::{OpenedScene, brings_scene, open_in_place, open_scene};
 
 /// Input, output and options of [`export_file`].
 #[derive(Clone, Debug)]
@@ -91,12 +91,14 @@ pub fn export_file(request: &ExportRequest, tell: &mut dyn FnMut(ExportSize), jo
     }
     // The camera and the light of a volume's own picture are nobody's work.
     let surroundings = brings_scene(&request.input);
-    // Files of different labels of a volume fit together.
-    let frame = if surroundings { None } else { Some(FrameOn::Volume) };
-    let figure = FigureFlags { frame, labels: request.selected.clone(), ..FigureFlags::default() };
+    let figure = FigureFlags { labels: request.selected.clone(), ..FigureFlags::default() };
     let overrides = RenderOverrides { labels: request.labels.clone(), figure, ..RenderOverrides::default() };
-    let OpenedScene { scene, volumes, meshes } =
-        open_scene(&request.input, &overrides, &request.reading, Residence::Mapped, job)?;
+    let residence = Residence::Mapped;
+    let opened = match surroundings {
+        true => open_scene(&request.input, &overrides, &request.reading, residence, job)?,
+        false => open_in_place(&request.input, &overrides, &request.reading, residence, job)?,
+    };
+    let OpenedScene { scene, volumes, meshes } = opened;
     let left_out = left_out_of(&scene, format, &request.forms, surroundings);
     let loaded = LoadedScene::new(scene, volumes, meshes)?;
     let options = ExportOptions {

@@ -101,7 +101,7 @@ pub(crate) fn open_scene(
             set_time_step(&mut scene, step)?;
         }
         let volumes = open_shown(&scene, instead.as_ref(), reading, residence, job)?;
-        show_chosen(figure, &mut scene, &volumes).map_err(wrong)?;
+        show_chosen(figure, &mut scene, &volumes, "the scene").map_err(wrong)?;
         let meshes = open_meshes(&scene)?;
         record(&mut scene, reading);
         (scene, volumes, meshes)
@@ -132,6 +132,29 @@ pub(crate) fn open_scene(
     Ok(OpenedScene { scene, volumes, meshes })
 }
 
+/// Like [`open_scene`] of a volume, with place, scale and colours that do not depend on which labels are shown: they are those of all labels, so that
+/// what is made of some fits together with what is made of others.
+///
+/// # Errors
+/// As [`open_scene`].
+pub(crate) fn open_in_place(
+    path: &Path,
+    overrides: &RenderOverrides,
+    reading: &OpenOptions,
+    residence: Residence,
+    job: &Job,
+) -> Result<OpenedScene> {
+    let mut opened = open_scene(path, &RenderOverrides::default(), reading, residence, job)?;
+    let OpenedScene { scene, volumes, .. } = &mut opened;
+    let wrong = |e: String| SessionError::Caller(format!("--{e}"));
+    show_chosen(&overrides.figure, scene, volumes, "the volume").map_err(wrong)?;
+    for (volume, ids) in volumes.iter().zip(&overrides.labels) {
+        dense_labels(volume, ids)?;
+    }
+    apply(overrides, scene, volumes)?;
+    Ok(opened)
+}
+
 /// Lets all volumes of a scene that have several time steps show this one.
 pub(super) fn set_time_step(scene: &mut Scene, step: u32) -> Result<()> {
     for instance in &mut scene.instances {
@@ -160,13 +183,14 @@ pub(super) fn check_files(scene: &Scene, reading: &OpenOptions) -> Result<()> {
     Ok(scene.paths().into_iter().try_for_each(|(_, path)| reading.outputs.check_input(path))?)
 }
 
-/// Shows of each volume the labels that the flags choose, where they choose any by name.
+/// Shows of each volume the labels that the flags choose, where they choose any by name; `what` has these volumes, for messages.
 fn show_chosen(
     figure: &FigureFlags,
     scene: &mut Scene,
     volumes: &[Arc<CompressedVolume>],
+    what: &str,
 ) -> std::result::Result<(), String> {
-    figure.require_matches(volumes.iter().map(|volume| &**volume), "the scene")?;
+    figure.require_matches(volumes.iter().map(|volume| &**volume), what)?;
     for (instance, volume) in scene.instances.iter_mut().zip(volumes) {
         if let Some(chosen) = figure.chosen(volume)? {
             let id = |label: u32| volume.labels().ids()[label as usize];
