@@ -21,28 +21,28 @@ pub struct Stop {
 
 /// The next number of samples above `spp` at which the estimated error is compared with a limit: 4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24 and so on,
 /// in steps of an eighth to a fourth. Were it compared whenever a slice of time ends, how long a sample takes would decide about the picture.
-fn next_look(spp: u32) -> u32 {
-    let step = step_of_looks(spp);
-    (spp.max(FIRST_LOOK - 1) / step).saturating_add(1).saturating_mul(step)
+fn next_checkpoint(spp: u32) -> u32 {
+    let step = checkpoint_step(spp);
+    (spp.max(FIRST_CHECKPOINT - 1) / step).saturating_add(1).saturating_mul(step)
 }
 
-fn is_look(spp: u32) -> bool {
-    spp >= FIRST_LOOK && spp.is_multiple_of(step_of_looks(spp))
+fn is_checkpoint(spp: u32) -> bool {
+    spp >= FIRST_CHECKPOINT && spp.is_multiple_of(checkpoint_step(spp))
 }
 
 /// Samples with which a film begins to estimate its error.
-const FIRST_LOOK: u32 = 4;
+const FIRST_CHECKPOINT: u32 = 4;
 
 /// A fourth of the largest power of two up to `spp`.
-fn step_of_looks(spp: u32) -> u32 {
-    1 << (spp.max(FIRST_LOOK).ilog2() - 2)
+fn checkpoint_step(spp: u32) -> u32 {
+    1 << (spp.max(FIRST_CHECKPOINT).ilog2() - 2)
 }
 
 impl Stop {
     /// Most samples that a picture with so many may have after the next call into its renderer.
     pub(crate) fn most_samples(&self, spp: u32) -> u32 {
-        let look = if self.error.is_some() { next_look(spp) } else { u32::MAX };
-        self.spp.unwrap_or(u32::MAX).min(look)
+        let checkpoint = if self.error.is_some() { next_checkpoint(spp) } else { u32::MAX };
+        self.spp.unwrap_or(u32::MAX).min(checkpoint)
     }
 
     /// Whether a picture with this progress after `seconds` wall seconds is done. The error counts at a fixed sequence of numbers of samples alone,
@@ -52,7 +52,7 @@ impl Stop {
         progress.all_rest
             || progress.spp >= self.spp.unwrap_or(u32::MAX)
             || self.seconds.is_some_and(|limit| seconds >= limit)
-            || self.error.is_some_and(|bar| is_look(progress.spp) && error.is_finite() && error <= bar)
+            || self.error.is_some_and(|bar| is_checkpoint(progress.spp) && error.is_finite() && error <= bar)
     }
 }
 
@@ -134,7 +134,7 @@ pub(crate) fn render_watched(
 /// Time of the next call into the renderer, and the most samples that pixels may have after it, `seconds` after the start.
 ///
 /// A pass over the picture may add several samples to each pixel. So that it does not go on far beyond a time limit, it gets as many as the
-/// time that is left suffices for, at the pace until `last`, but one at least. With a limit of the error it goes on to the next look at it.
+/// time that is left suffices for, at the pace until `last`, but one at least. With a limit of the error it ends at the next checkpoint.
 fn next_slice(stop: &Stop, seconds: f64, last: Option<&CurvePoint>) -> (Duration, u32) {
     let left = stop.seconds.map_or(f64::INFINITY, |end| (end - seconds).max(0.0));
     let limit = match last {
@@ -195,17 +195,17 @@ mod tests {
     }
 
     #[test]
-    fn the_error_is_looked_at_in_steps_of_an_eighth_to_a_fourth() {
-        let mut looks = vec![next_look(0)];
-        while looks.last().is_some_and(|&look| look < 200) {
-            looks.extend(looks.last().map(|&look| next_look(look)));
+    fn the_error_is_checkpointed_at_in_steps_of_an_eighth_to_a_fourth() {
+        let mut checkpoints = vec![next_checkpoint(0)];
+        while checkpoints.last().is_some_and(|&spp| spp < 200) {
+            checkpoints.extend(checkpoints.last().map(|&spp| next_checkpoint(spp)));
         }
-        assert_eq!(looks[..12], [4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28]);
+        assert_eq!(checkpoints[..12], [4, 5, 6, 7, 8, 10, 12, 14, 16, 20, 24, 28]);
         for spp in 0..200 {
-            assert_eq!(is_look(spp), looks.contains(&spp), "{spp}");
-            assert_eq!(next_look(spp), looks.iter().copied().find(|&look| look > spp).unwrap());
+            assert_eq!(is_checkpoint(spp), checkpoints.contains(&spp), "{spp}");
+            assert_eq!(next_checkpoint(spp), checkpoints.iter().copied().find(|&next| next > spp).unwrap());
         }
-        assert_eq!(next_look(u32::MAX), u32::MAX);
+        assert_eq!(next_checkpoint(u32::MAX), u32::MAX);
         let last = CurvePoint { spp: 17, ..point(4.0) };
         let stop = Stop { error: Some(0.1), ..Stop::default() };
         assert_eq!(next_slice(&stop, 4.0, Some(&last)), (SLICE, 20));
@@ -227,7 +227,7 @@ mod tests {
         }
         assert!(!no_limit.is_met(&so_far, 1e9));
         assert!(no_limit.is_met(&Progress { all_rest: true, ..so_far }, 0.0));
-        // Between two looks at the error it meets no limit.
+        // Between two checkpoints the error meets no limit.
         let between = Progress { spp: 9, ..so_far };
         assert!(!Stop { error: Some(0.25), ..no_limit }.is_met(&between, 0.0));
         // An unknown error meets no limit.
