@@ -195,7 +195,7 @@ mod tests {
     }
 
     #[test]
-    fn the_error_is_checkpointed_at_in_steps_of_an_eighth_to_a_fourth() {
+    fn the_error_is_checked_in_steps_of_an_eighth_to_a_fourth() {
         let mut checkpoints = vec![next_checkpoint(0)];
         while checkpoints.last().is_some_and(|&spp| spp < 200) {
             checkpoints.extend(checkpoints.last().map(|&spp| next_checkpoint(spp)));
