@@ -1,7 +1,7 @@
 //! The meaning of an array's indices in stores that hold arrays of any kind: by their names, or by their order.
 //!
 //! ```text
-//! names        t c z y x of OME-Zarr, dimension names of Zarr v3, `_ARRAY_DIMENSIONS` of xarray
+//! names        t c z y x of OME-Zarr, dimension names of Zarr v3, `_ARRAY_DIMENSIONS` of xarray, `axis_names` of funlib, labels of HDF5
 //! order        a[z, y, x], which is assumed with a warning; `--axes xyz` says otherwise, and `--axes tzyx` of four axes
 //! ```
 

@@ -11,22 +11,22 @@ use std::path::{Path, PathBuf};
 
 use hdf5_reader::datatype_api::H5Type;
 use hdf5_reader::filters::FilterRegistry;
-use hdf5_reader::{Dataset, Hdf5File, SliceInfo, SliceInfoElem};
+use hdf5_reader::{Dataset, Datatype, Hdf5File, SliceInfo, SliceInfoElem};
 use pumice_core::error::one_line;
 use pumice_core::{LabelType, VolumeInfo};
 
-use crate::array_axes::by_order;
+use crate::array_axes::{by_names, by_order};
 use crate::array_place::ArrayPlace;
 use crate::chunks::{Chunk, ChunkReader, Chunks, place};
 use crate::element::Element;
 use crate::error::{FormatError, Result};
-use crate::hdf5_datasets::{choose, label_type, type_text};
-use crate::hdf5_lzf;
+use crate::hdf5_datasets::{choose, is_bool, label_type, type_text};
 use crate::header_text::shorten;
 use crate::layout::{FileAxis, Layout};
 use crate::options::{MissingChunks, OpenOptions};
 use crate::stream::open_file;
 use crate::volume_file::{VolumeFile, Voxels};
+use crate::{hdf5_attributes, hdf5_lzf};
 
 /// Bytes of a slab of a data set without chunks.
 const SLAB_BYTES: u64 = 4 << 20;
@@ -64,20 +64,16 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         ));
     };
     let shape = dataset.shape().to_vec();
-    let roles = by_order(path, &shape, options, &mut choices)?;
+    let roles = match hdf5_attributes::axis_names(&dataset) {
+        Some(names) => by_names(path, &names, &shape, options, &mut choices)?,
+        None => by_order(path, &shape, options, &mut choices)?,
+    };
     // Values come in the machine's own byte order.
     let element = Element::new(label_type, cfg!(target_endian = "big"));
     let axes = shape.iter().zip(&roles).map(|(&size, &role)| FileAxis { size, role });
     let layout = Layout::new(path, axes.rev().collect(), element.bytes())?;
-    let numbers = |attribute: &str| {
-        let attribute = dataset.attribute(attribute).ok()?;
-        attribute.read_1d::<f64>().or_else(|_| attribute.read_as_f64().map(|one| vec![one])).ok()
-    };
-    let text = |attribute: &str| {
-        let attribute = dataset.attribute(attribute).ok()?;
-        attribute.read_string().ok().or_else(|| attribute.read_strings().ok()?.pop())
-    };
-    let place = ArrayPlace::find(shape.len(), numbers, text);
+    let numbers = |name: &str| hdf5_attributes::numbers(&dataset, name);
+    let place = ArrayPlace::find(shape.len(), numbers, |name| hdf5_attributes::texts(&dataset, name));
     let info = place.placed(path, VolumeInfo::new(layout.dims(), label_type), &roles, options)?;
     let chunk: Vec<u64> = match dataset.chunks() {
         Some(chunk) => chunk.iter().zip(&shape).map(|(&c, &size)| u64::from(c).min(size)).collect(),
@@ -119,6 +115,25 @@ fn slab(shape: &[u64], element_bytes: u64) -> Vec<u64> {
     slab
 }
 
+/// A byte of h5py's bool, which is an enumeration: the crate's own types read no enumerations.
+#[derive(Clone)]
+struct Bool(u8);
+
+impl H5Type for Bool {
+    fn hdf5_type() -> Datatype {
+        u8::hdf5_type()
+    }
+
+    fn from_bytes(bytes: &[u8], _: &Datatype) -> hdf5_reader::error::Result<Self> {
+        let none = || hdf5_reader::error::Error::InvalidData("expected a byte, got none".into());
+        bytes.first().map(|&byte| Self(byte)).ok_or_else(none)
+    }
+
+    fn element_size(_: &Datatype) -> usize {
+        1
+    }
+}
+
 /// Reads the chunks of a data set.
 struct Reader {
     path: PathBuf,
@@ -154,6 +169,7 @@ impl ChunkReader for Reader {
         }
         let selection = SliceInfo { selections };
         let read = match self.label_type {
+            LabelType::U8 if is_bool(self.dataset.dtype()) => self.bytes(&selection, |Bool(byte)| [byte]),
             LabelType::U8 => self.bytes(&selection, u8::to_ne_bytes),
             LabelType::U16 => self.bytes(&selection, u16::to_ne_bytes),
             LabelType::U32 => self.bytes(&selection, u32::to_ne_bytes),

@@ -4,6 +4,7 @@ use std::collections::BTreeSet;
 use std::path::Path;
 
 use hdf5_reader::datatype_api::H5Type as _;
+use hdf5_reader::error::Error;
 use hdf5_reader::group::Group;
 use hdf5_reader::{Dataset, Datatype, Hdf5File};
 use pumice_core::LabelType;
@@ -32,14 +33,26 @@ pub(crate) fn label_type(datatype: &Datatype) -> Option<LabelType> {
         Datatype::FixedPoint { size: 8, signed: true, .. } => LabelType::I64,
         Datatype::FloatingPoint { size: 4, .. } => LabelType::F32,
         Datatype::FloatingPoint { size: 8, .. } => LabelType::F64,
+        mask if is_bool(mask) => LabelType::U8,
         _ => return None,
     })
 }
 
+/// Whether a type is h5py's bool: an enumeration of bytes, FALSE is 0 and TRUE is 1.
+pub(crate) fn is_bool(datatype: &Datatype) -> bool {
+    let Datatype::Enum { base, members } = datatype else { return false };
+    let has = |name: &str, value: u8| members.iter().any(|m| m.name == name && m.value == [value]);
+    matches!(**base, Datatype::FixedPoint { size: 1, .. })
+        && members.len() == 2
+        && has("FALSE", 0)
+        && has("TRUE", 1)
+}
+
 /// Whether a data set is one that nobody needs to be asked for: whole numbers along three axes or more.
 fn is_integer_volume(dataset: &Dataset) -> bool {
-    let is_integer =
-        label_type(dataset.dtype()).is_some_and(|t| !matches!(t, LabelType::F32 | LabelType::F64));
+    // A mask beside labels is not asked about either.
+    let is_integer = !is_bool(dataset.dtype())
+        && label_type(dataset.dtype()).is_some_and(|t| !matches!(t, LabelType::F32 | LabelType::F64));
     is_integer && dataset.shape().iter().filter(|&&size| size > 1).count() >= 3
 }
 
@@ -55,15 +68,21 @@ pub(crate) fn choose(
     options: &OpenOptions,
     open: &mut Vec<OpenChoice>,
 ) -> Result<(String, Dataset)> {
-    let damaged = |e: hdf5_reader::error::Error| FormatError::damaged(path, one_line(&format!("HDF5: {e}")));
+    let damaged = |e: Error| match is_virtual(&e) {
+        true => virtual_refused(path, &e),
+        false => FormatError::damaged(path, one_line(&format!("HDF5: {e}"))),
+    };
     let mut all = Vec::new();
     let mut seen = BTreeSet::new();
     let root = file.root_group().map_err(damaged)?;
     let named = options.dataset.as_deref().map(|name| name.trim_matches('/'));
-    if let Some(name) = named
-        && let Ok(found) = file.dataset(name)
-    {
-        return Ok((name.to_owned(), found));
+    if let Some(name) = named {
+        match file.dataset(name) {
+            Ok(found) => return Ok((name.to_owned(), found)),
+            Err(error) if is_virtual(&error) => return Err(damaged(error)),
+            // The list below says which there are.
+            Err(_) => {}
+        }
     }
     collect(&root, "", 0, &mut seen, &mut all).map_err(damaged)?;
     all.sort_by(|a, b| a.0.cmp(&b.0));
@@ -112,8 +131,33 @@ pub(crate) fn choose(
 pub(crate) fn type_text(datatype: &Datatype) -> String {
     match label_type(datatype) {
         Some(known) => format!("{known:?}").to_lowercase(),
+        None if matches!(datatype, Datatype::Enum { .. }) => "an enumeration of names".into(),
         None => format!("{} bytes that are no numbers", u8::element_size(datatype)),
     }
+}
+
+/// Layout class of a virtual data set (HDF5 file format 3.0, IV.A.2.i), which the crate does not read.
+const VIRTUAL: u8 = 3;
+
+fn is_virtual(error: &Error) -> bool {
+    match error {
+        Error::UnsupportedLayoutClass(class) => *class == VIRTUAL,
+        Error::Context { source, .. } => is_virtual(source),
+        _ => false,
+    }
+}
+
+/// The line about a virtual data set, whose name the crate puts into its error: `child 'name' at 0x320`.
+fn virtual_refused(path: &Path, error: &Error) -> FormatError {
+    let text = error.to_string();
+    let name = text.split('\'').nth(1).map_or_else(|| "one of the data sets".into(), shorten);
+    FormatError::unsupported(
+        path,
+        one_line(&format!(
+            "{name} is a virtual data set, put together from others, and keeps the others from being listed"
+        )),
+        "name another one by --dataset, or copy its values into a data set of its own",
+    )
 }
 
 /// Adds all data sets below a group; `seen` has the addresses of the groups and data sets that were met, so that links in a circle end.

@@ -11,16 +11,20 @@ use crate::options::{OpenOptions, Scale};
 /// One level, as its file describes it.
 #[derive(Clone, Debug, PartialEq)]
 pub(crate) struct Level {
-    /// Voxels along x, y, z.
-    pub(crate) dims: [u64; 3],
+    /// Voxels along x, y, z; `None` where the level's array is not there.
+    pub(crate) dims: Option<[u64; 3]>,
     /// Lengths of a voxel along x, y, z.
     pub(crate) spacing: [f64; 3],
 }
 
 impl Level {
     fn text(&self, unit: Unit) -> String {
-        let ([x, y, z], [a, b, c]) = (self.dims, self.spacing);
-        format!("{x} × {y} × {z} voxels of {a} × {b} × {c}{}", unit_text(unit))
+        let [a, b, c] = self.spacing;
+        let count = match self.dims {
+            Some([x, y, z]) => format!("{x} × {y} × {z} voxels"),
+            None => "missing or damaged, voxels".into(),
+        };
+        format!("{count} of {a} × {b} × {c}{}", unit_text(unit))
     }
 }
 
@@ -122,8 +126,15 @@ mod tests {
     use super::*;
 
     #[test]
+    fn a_level_that_is_not_there_has_no_sizes() {
+        let level = |dims| Level { dims, spacing: [4.0, 4.0, 40.0] };
+        assert_eq!(level(Some([7, 5, 3])).text(Unit::Nanometre), "7 × 5 × 3 voxels of 4 × 4 × 40 nm");
+        assert_eq!(level(None).text(Unit::Nanometre), "missing or damaged, voxels of 4 × 4 × 40 nm");
+    }
+
+    #[test]
     fn the_nearest_level_goes_by_ratios() {
-        let level = |spacing: [f64; 3]| Level { dims: [1; 3], spacing };
+        let level = |spacing: [f64; 3]| Level { dims: Some([1; 3]), spacing };
         let levels = [
             level([8.0, 8.0, 40.0]),
             level([16.0, 16.0, 40.0]),

@@ -36,6 +36,8 @@ mod gzip;
 #[cfg(feature = "hdf5")]
 mod hdf5;
 #[cfg(feature = "hdf5")]
+mod hdf5_attributes;
+#[cfg(feature = "hdf5")]
 mod hdf5_datasets;
 mod hdf5_format;
 #[cfg(feature = "hdf5")]

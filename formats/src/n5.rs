@@ -7,6 +7,10 @@
 //! cells.n5/image/s0 s1 s2                levels: "downsamplingFactors": [2, 2, 1], "pixelResolution" or "resolution"                           --scale
 //! ```
 //! Sizes, lengths and offsets are x first. N5 has no fill value: an absent block is 0.
+//!
+//! `resolution` and `offset` are those of funlib and CREMI: the corner of the first voxel is at the offset, or at 0 ([`crate::array_place`]).
+//! `axis_names` of funlib say another order of these attributes. N5-viewer's `pixelResolution` puts the *middle* of the finest level's first
+//! voxel there.
 
 use std::path::{Path, PathBuf};
 
@@ -24,7 +28,7 @@ use crate::layout::{FileAxis, Layout, Role};
 use crate::levels::{Level, choose_level};
 use crate::n5_block::{N5Blocks, compression};
 use crate::options::{MissingChunks, OpenOptions};
-use crate::placement::{self, unit_by_name};
+use crate::placement::{self, one_unit};
 use crate::store_files::is_file;
 use crate::stores::{self, lengths, numbers};
 use crate::volume_file::{Format, Takes, VolumeFile, Voxels};
@@ -107,7 +111,8 @@ fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         .zip(&places)
         .map(|(level, place)| {
             let dims = level.dims().unwrap_or_default();
-            Level { dims: [0, 1, 2].map(|a| dims.get(a).copied().unwrap_or(1)), spacing: place.lengths }
+            let dims = [0, 1, 2].map(|a| dims.get(a).copied().unwrap_or(1));
+            Level { dims: Some(dims), spacing: place.lengths }
         })
         .collect();
     let number = choose_level(&group.path, &described, unit, options, &mut choices)?;
@@ -123,6 +128,17 @@ struct Place {
     unit: Unit,
     /// Whether the attributes say it.
     is_stated: bool,
+    /// Lines about units that are not known.
+    unknown: Vec<String>,
+}
+
+/// Lengths of a voxel along x, y, z as attributes state them.
+struct Stated {
+    lengths: [f64; 3],
+    /// Names of units along x, y, z.
+    units: [Option<String>; 3],
+    /// Whether they are `resolution`, whose offset is a corner.
+    is_corner: bool,
 }
 
 impl Place {
@@ -132,17 +148,21 @@ impl Place {
         let stated = |node: &Node| {
             let pixel = node.attributes.get("pixelResolution");
             let of_pixel = pixel.and_then(|p| three(lengths(Some(p.get("dimensions").unwrap_or(p)))));
-            let found = of_pixel.or_else(|| three(lengths(node.attributes.get("resolution"))))?;
-            let unit =
-                pixel.and_then(|p| p.get("unit")?.as_str()).or_else(|| node.attributes.get("unit")?.as_str());
-            let unit = unit.or_else(|| node.attributes.get("units")?.get(0)?.as_str());
-            Some((found, unit.and_then(unit_by_name).unwrap_or(Unit::Unknown)))
+            let is_corner = of_pixel.is_none();
+            let of_funlib = || ordered(node, "resolution").or_else(|| ordered(node, "voxel_size"));
+            let lengths = of_pixel.or_else(of_funlib)?;
+            let unit = pixel.and_then(|p| p.get("unit")).or_else(|| node.attributes.get("unit"));
+            let units = names(unit.or_else(|| node.attributes.get("units")));
+            let units = if is_corner { order(node, 3).map(|n| units[n].clone()) } else { units };
+            Some(Stated { lengths, units, is_corner })
         };
         let own_factors = three(lengths(node.attributes.get("downsamplingFactors")));
         // COSEM writes a transformation, in the order of its own axes.
         let transform = node.attributes.get("transform").and_then(cosem);
-        if let Some((lengths, origin, unit)) = transform {
-            return Self { lengths, origin, unit, is_stated: true };
+        if let Some((lengths, origin, units)) = transform {
+            let (unit, factor, unknown) = one_unit(units.each_ref().map(Option::as_deref));
+            let [lengths, origin] = [lengths, origin].map(|list| [0, 1, 2].map(|a| list[a] * factor[a]));
+            return Self { lengths, origin, unit, is_stated: true, unknown };
         }
         // The resolution of a level without factors is its own; with factors it is that of the finest level.
         let base = stated(node).or_else(|| finest.and_then(stated)).or_else(|| group.and_then(stated));
@@ -150,29 +170,86 @@ impl Place {
             node.path.file_name().and_then(|name| name.to_str()?.strip_prefix('s')?.parse::<usize>().ok());
         let of_group = group.and_then(|group| three(lengths(group.attributes.get("scales")?.get(number?))));
         let factors = own_factors.or(of_group).unwrap_or([1.0; 3]);
-        let (base, unit, is_stated) = base.map_or(([1.0; 3], Unit::Unknown, false), |(l, u)| (l, u, true));
+        let offset = |node: &Node| ordered(node, "offset");
+        let offset = offset(node).or_else(|| finest.and_then(offset)).or_else(|| group.and_then(offset));
+        let is_stated = base.is_some();
+        // An offset alone is one of voxels of length 1.
+        let base = base.unwrap_or(Stated {
+            lengths: [1.0; 3],
+            units: Default::default(),
+            is_corner: offset.is_some(),
+        });
+        let (unit, factor, unknown) = one_unit(base.units.each_ref().map(Option::as_deref));
+        let offset = offset.unwrap_or_default();
+        let fine = [0, 1, 2].map(|a| base.lengths[a] * factor[a]);
+        // Averages of `factor` voxels lie in their middle: all levels begin at the same corner.
+        let first = if base.is_corner { 0.0 } else { 1.0 };
         Self {
-            lengths: [0, 1, 2].map(|a| base[a] * factors[a]),
-            // Averages of `factor` voxels lie in their middle.
-            origin: [0, 1, 2].map(|a| base[a] * (factors[a] - 1.0) / 2.0),
+            lengths: [0, 1, 2].map(|a| fine[a] * factors[a]),
+            origin: [0, 1, 2].map(|a| offset[a] * factor[a] + fine[a] * (factors[a] - first) / 2.0),
             unit,
             is_stated,
+            unknown,
         }
     }
 }
 
-/// Lengths, place and unit of COSEM's `transform`, whose axes have names.
-fn cosem(transform: &Value) -> Option<([f64; 3], [f64; 3], Unit)> {
+/// Where x, y, z are in a list of attributes of `count` axes: in this order, unless funlib's `axis_names` say otherwise.
+fn order(node: &Node, count: usize) -> [usize; 3] {
+    let all: Vec<&str> = node
+        .attributes
+        .get("axis_names")
+        .and_then(Value::as_array)
+        .into_iter()
+        .flatten()
+        .filter_map(Value::as_str)
+        .collect();
+    // Three numbers of more axes are those of space.
+    let space = |name: &&str| ["x", "y", "z"].iter().any(|space| name.eq_ignore_ascii_case(space));
+    let all: Vec<&str> = if all.len() == count { all } else { all.into_iter().filter(space).collect() };
+    let at =
+        |space: &str| all.iter().position(|name| name.eq_ignore_ascii_case(space)).filter(|&n| n < count);
+    match [at("x"), at("y"), at("z")] {
+        [Some(x), Some(y), Some(z)] => [x, y, z],
+        _ => [0, 1, 2],
+    }
+}
+
+/// Numbers of an attribute along x, y, z.
+fn ordered(node: &Node, name: &str) -> Option<[f64; 3]> {
+    let list = lengths(node.attributes.get(name)).filter(|list| list.len() >= 3)?;
+    Some(order(node, list.len()).map(|n| list[n]))
+}
+
+/// Names of units along x, y, z: one for all, or one an axis.
+fn names(value: Option<&Value>) -> [Option<String>; 3] {
+    let name = |value: &Value| value.as_str().filter(|name| !name.trim().is_empty()).map(str::to_owned);
+    match value {
+        Some(Value::Array(list)) if list.len() > 1 => [0, 1, 2].map(|a| name(list.get(a)?)),
+        Some(Value::Array(list)) => [0, 1, 2].map(|_| name(list.first()?)),
+        Some(one) => [0, 1, 2].map(|_| name(one)),
+        None => Default::default(),
+    }
+}
+
+/// Lengths, place and names of units along x, y, z.
+type Transform = ([f64; 3], [f64; 3], [Option<String>; 3]);
+
+/// What COSEM's `transform` says, whose axes have names.
+fn cosem(transform: &Value) -> Option<Transform> {
     let axes = transform.get("axes")?.as_array()?;
     let (scale, moved) = (lengths(transform.get("scale"))?, lengths(transform.get("translate"))?);
-    let mut found = ([1.0; 3], [0.0; 3]);
+    let units = transform.get("units");
+    let mut found = ([1.0; 3], [0.0; 3], names(units));
     for (n, axis) in axes.iter().enumerate() {
         let space = ["x", "y", "z"].iter().position(|name| axis.as_str() == Some(name))?;
         found.0[space] = *scale.get(n)?;
         found.1[space] = *moved.get(n)?;
+        if let Some(list) = units.and_then(Value::as_array).filter(|list| list.len() > 1) {
+            found.2[space] = list.get(n).and_then(Value::as_str).map(str::to_owned);
+        }
     }
-    let unit = transform.get("units").and_then(|units| unit_by_name(units.get(0)?.as_str()?));
-    Some((found.0, found.1, unit.unwrap_or(Unit::Unknown)))
+    Some(found)
 }
 
 fn of_dataset(
@@ -243,8 +320,10 @@ fn of_dataset(
             path.display()
         ));
     }
-    let along = [0, 1, 2].map(|a| DVec3::AXES[a] * place.lengths[a]);
-    let affine = placement::world_from_centre(path, along, DVec3::from_array(place.origin), options)?;
+    for line in &place.unknown {
+        options.warnings.push(format!("{}: {line}", path.display()));
+    }
+    let affine = placement::from_lengths(path, place.lengths, DVec3::from_array(place.origin), options)?;
     let mut info = VolumeInfo::new(layout.dims(), label_type).from_centre_affine(affine);
     info.unit = place.unit;
     let blocks = N5Blocks {

@@ -37,7 +37,13 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let axes = assign_axes(path, &header)?;
     let layer_count =
         axes.iter().find(|a| a.space.is_none() && a.is_layers && a.size > 1).map_or(1, |a| a.size);
-    let layers = if layer_count > 1 { list_layers(&header, layer_count) } else { Vec::new() };
+    // Layers without segments have numbers alone, and are no segmentation of Slicer.
+    let segments = segments(&header);
+    let layers = if layer_count > 1 && !segments.is_empty() {
+        list_layers(&segments, layer_count)
+    } else {
+        Vec::new()
+    };
     let mut file_axes = Vec::new();
     for axis in &axes {
         let role = match axis.space {
@@ -45,7 +51,8 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             None if axis.size <= 1 => Role::Fixed(0),
             None if axis.is_layers => {
                 let text_of = |index| layers.get(index as usize).map_or_else(String::new, segments_of);
-                let listed = describe(&layers);
+                let last = axis.size.saturating_sub(1);
+                let listed = if layers.is_empty() { format!("0 to {last}") } else { describe(&layers) };
                 Role::Fixed(choose_among(
                     path,
                     &choice::LAYER,
@@ -70,7 +77,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     // Placement, unit, names.
     let mut info = VolumeInfo::new(layout.dims(), header.label_type);
     info = place(path, &header, &axes, info, options)?;
-    info.notes = notes(&header, if layer_count > 1 { Some(options.layer.unwrap_or(0)) } else { None });
+    info.notes = notes(segments, if layer_count > 1 { Some(options.layer.unwrap_or(0)) } else { None });
 
     let (stream, encoding) = data(path, &header, &layout, options)?;
     Ok(VolumeFile {
@@ -147,13 +154,31 @@ fn assign_axes(path: &Path, header: &NrrdHeader) -> Result<Vec<Axis>> {
                 "the axes have sizes {:?} and kinds {:?}, expected x, y, z and at most one list and one time axis",
                 header.sizes, header.kinds
             ),
-            "save one 3-D label map a file",
+            way_out(header),
         ));
     }
     for (space, axis) in axes.iter_mut().filter(|a| a.space.is_some()).enumerate() {
         axis.space = Some(space);
     }
     Ok(axes)
+}
+
+/// What to do about axes that are not understood: four axes without kinds need one line more in the header.
+fn way_out(header: &NrrdHeader) -> String {
+    let all = "save one 3-D label map a file";
+    if !header.kinds.is_empty() || header.sizes.len() != 4 {
+        return all.into();
+    }
+    // The slowest axis, unless the fastest is the short one, as in files of Slicer.
+    let [first, .., last] = header.sizes[..] else { return all.into() };
+    let (layers, steps) = if first < last {
+        ("list domain domain domain", "time domain domain domain")
+    } else {
+        ("domain domain domain list", "domain domain domain time")
+    };
+    format!(
+        "add a line to the header, \"kinds: {layers}\" for layers or \"kinds: {steps}\" for time steps, or {all}"
+    )
 }
 
 /// Sets spacing, orientation, origin and unit.
@@ -279,8 +304,8 @@ fn segments(header: &NrrdHeader) -> Vec<Segment> {
 }
 
 /// Names and colours of one layer (or of the only one), sorted by id.
-fn notes(header: &NrrdHeader, layer: Option<u32>) -> Vec<LabelNote> {
-    let mut notes: Vec<LabelNote> = segments(header)
+fn notes(segments: Vec<Segment>, layer: Option<u32>) -> Vec<LabelNote> {
+    let mut notes: Vec<LabelNote> = segments
         .into_iter()
         .filter(|s| layer.is_none_or(|l| s.layer == u64::from(l)))
         .map(|s| s.note)
@@ -294,8 +319,7 @@ fn notes(header: &NrrdHeader, layer: Option<u32>) -> Vec<LabelNote> {
 /// Largest number of layers that are listed.
 const MAX_LISTED_LAYERS: u64 = 4096;
 
-fn list_layers(header: &NrrdHeader, count: u64) -> Vec<Layer> {
-    let segments = segments(header);
+fn list_layers(segments: &[Segment], count: u64) -> Vec<Layer> {
     (0..count.min(MAX_LISTED_LAYERS) as u32)
         .map(|index| Layer {
             index,

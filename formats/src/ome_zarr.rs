@@ -115,7 +115,12 @@ fn apply(
             Err(format!("{name}: expected {} numbers, one an axis, got {}", scale.len(), values.len()))
         }
         None => {
-            Err(format!("{name}: expected {} numbers in place (not in a file of their own)", scale.len()))
+            let got = match (transformation.get(name), transformation.get("path")) {
+                (Some(other), _) => shorten(&one_line(&other.to_string())),
+                (None, Some(_)) => "a file of their own, which is not read".into(),
+                (None, None) => "none".into(),
+            };
+            Err(format!("{name}: expected {} numbers, one an axis, got {got}", scale.len()))
         }
     };
     match kind {
@@ -226,6 +231,14 @@ mod tests {
             json!([{"type": "scale", "path": "s"}]),
         ] {
             assert!(parsed(image(bad, json!([]))).unwrap_err().contains("coordinateTransformations"));
+        }
+        for (bad, got) in [
+            (json!({"type": "scale", "scale": ["NaN", 1, 1]}), r#"got ["NaN",1,1]"#),
+            (json!({"type": "scale", "path": "s"}), "got a file of their own, which is not read"),
+            (json!({"type": "scale"}), "got none"),
+        ] {
+            let line = parsed(image(json!([bad]), json!([]))).unwrap_err();
+            assert!(line.ends_with(&format!("scale: expected 3 numbers, one an axis, {got}")), "{line}");
         }
     }
 

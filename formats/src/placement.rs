@@ -6,6 +6,7 @@ use glam::{DAffine3, DMat3, DVec3};
 use pumice_core::Unit;
 
 use crate::error::{FormatError, Result};
+use crate::header_text::shorten;
 use crate::options::OpenOptions;
 
 /// The matrix from whole-number voxel centres to the world, from one vector per axis.
@@ -68,6 +69,16 @@ pub(crate) fn world_from_centre(
 
 /// Like [`world_from_centre`], for a file that only gives lengths along its axes.
 pub(crate) fn from_spacing(path: &Path, spacing: [f64; 3], options: &OpenOptions) -> Result<DAffine3> {
+    from_lengths(path, spacing, DVec3::ZERO, options)
+}
+
+/// Like [`from_spacing`], with the centre of voxel (0, 0, 0).
+pub(crate) fn from_lengths(
+    path: &Path,
+    spacing: [f64; 3],
+    origin: DVec3,
+    options: &OpenOptions,
+) -> Result<DAffine3> {
     if options.spacing.is_none() {
         for (a, &length) in spacing.iter().enumerate() {
             if !(length.is_finite() && length > 0.0) {
@@ -81,8 +92,9 @@ pub(crate) fn from_spacing(path: &Path, spacing: [f64; 3], options: &OpenOptions
             }
         }
     }
-    let axes = [0, 1, 2].map(|a| DVec3::AXES[a] * spacing[a]);
-    world_from_centre(path, axes, DVec3::ZERO, options)
+    // A length below 0 is no direction: with the caller's lengths the axis still points upwards.
+    let axes = [0, 1, 2].map(|a| DVec3::AXES[a] * spacing[a].abs());
+    world_from_centre(path, axes, origin, options)
 }
 
 /// Metres of a unit; 1 for an unknown one.
@@ -108,6 +120,26 @@ pub(crate) fn length_unit(name: &str) -> Option<(Unit, f64)> {
     })
 }
 
+/// One unit for the three axes of names along x, y, z, and what lengths along each are multiplied by to be in it: that of the first axis which has
+/// a known one. Axes without a unit have that of the others. The last part are lines about names that are not known.
+pub(crate) fn one_unit(names: [Option<&str>; 3]) -> (Unit, [f64; 3], Vec<String>) {
+    let of_axes = names.map(|name| name.and_then(length_unit));
+    let unknown = |a: &usize| names[*a].is_some() && of_axes[*a].is_none();
+    let about = |a: usize| {
+        let name = shorten(names[a].unwrap_or_default());
+        format!("the unit {name:?} of axis {} is not known", ["x", "y", "z"][a])
+    };
+    let lines = (0..3).filter(unknown).map(about).collect();
+    let Some((unit, _)) = of_axes.into_iter().flatten().next() else {
+        return (Unit::Unknown, [1.0; 3], lines);
+    };
+    // Units are whole fractions of a metre, so a factor is the quotient of two exact powers of ten: 4 µm are 4000 nm to the last bit.
+    let of_a_metre = |metres: f64| (1.0 / metres).round();
+    let of_unit = of_a_metre(metres(unit));
+    let factors = of_axes.map(|axis| axis.map_or(1.0, |(_, metres)| of_unit / of_a_metre(metres)));
+    (unit, factors, lines)
+}
+
 /// A unit of length by one of the names that occur in files.
 pub(crate) fn unit_by_name(name: &str) -> Option<Unit> {
     // ImageJ's escape (`\u00B5m`), the micro sign and the Greek letter.
@@ -121,4 +153,33 @@ pub(crate) fn unit_by_name(name: &str) -> Option<Unit> {
         "m" | "meter" | "meters" | "metre" | "metres" => Unit::Metre,
         _ => return None,
     })
+}
+
+#[cfg(test)]
+mod tests {
+    use super::*;
+
+    #[test]
+    fn units_are_converted_to_the_first_to_the_last_bit() {
+        let (unit, factors, lines) = one_unit([Some("nm"), Some("micrometer"), None]);
+        assert_eq!((unit, factors, lines.len()), (Unit::Nanometre, [1.0, 1000.0, 1.0], 0));
+        assert_eq!(one_unit([Some("um"), Some("nm"), Some("m")]).1, [1.0, 0.001, 1e6]);
+        assert_eq!(one_unit([Some("angstrom"); 3]).1, [0.1; 3]);
+        let (unit, factors, lines) = one_unit([Some("furlong"), None, Some("mm")]);
+        assert_eq!((unit, factors), (Unit::Millimetre, [1.0; 3]));
+        assert_eq!(lines, ["the unit \"furlong\" of axis x is not known"]);
+    }
+
+    #[test]
+    fn lengths_below_0_are_refused_and_mirror_nothing() {
+        let place = |options: &OpenOptions| {
+            from_lengths(Path::new("a"), [1.0, 2.0, -4.0], DVec3::new(5.0, 6.0, 7.0), options)
+        };
+        let line = place(&OpenOptions::default()).unwrap_err().to_string();
+        assert!(line.contains("the spacing along z is -4") && line.contains("--spacing x,y,z"), "{line}");
+        let said = OpenOptions { spacing: Some([3.0; 3]), ..OpenOptions::default() };
+        let affine = place(&said).unwrap();
+        assert_eq!(affine.matrix3, DMat3::from_diagonal(DVec3::splat(3.0)));
+        assert_eq!(affine.translation, DVec3::new(5.0, 6.0, 7.0));
+    }
 }

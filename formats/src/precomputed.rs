@@ -54,7 +54,7 @@ fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let info = precomputed_info::parse(&path, &json)?;
     let mut choices = Vec::new();
     let levels: Vec<Level> =
-        info.scales.iter().map(|s| Level { dims: s.size, spacing: s.resolution }).collect();
+        info.scales.iter().map(|s| Level { dims: Some(s.size), spacing: s.resolution }).collect();
     let scale = &info.scales[choose_level(folder, &levels, Unit::Nanometre, options, &mut choices)?];
     refuse_absent(folder, options, &[&choice::TIME, &choice::LAYER])?;
     let channel = choose(folder, &choice::CHANNEL, options, info.channels, &mut choices)?;

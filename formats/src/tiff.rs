@@ -34,7 +34,7 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     let (shape, compression) = tiff_page::shape(path, &mut tiff, pages[0])?;
     let directory = tiff.directory(pages[0])?;
     let description = tiff.text(&directory, tag::IMAGE_DESCRIPTION)?.unwrap_or_default();
-    let axes = understand(path, &mut tiff, &directory, &description, pages.len())?;
+    let axes = understand(path, &mut tiff, &directory, &description, pages.len(), shape)?;
     let mut choices = Vec::new();
     let axes = match options.axes {
         Some(said) => axes.said_to_be(path, said)?,
@@ -47,6 +47,19 @@ fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         options.warnings.push(format!("{}: {warning}", path.display()));
     }
     let planes = axes.order.iter().try_fold(1u64, |n, a| n.checked_mul(a.1)).unwrap_or(u64::MAX);
+
+    // A page that holds a volume must be alone, and its slices in a row: no slice of it is read without the others.
+    if shape.depth > 1 {
+        let in_a_row = Page::read(path, &mut tiff, pages[0])?.has_slices_in_a_row(&mut tiff, pages[0])?;
+        if pages.len() > 1 || planes != shape.depth || !in_a_row {
+            let slices = shape.depth;
+            return Err(FormatError::unsupported(
+                path,
+                format!("a page holds a volume of {slices} slices (tag ImageDepth) that do not lie in a row"),
+                "save one page a slice, or one such page alone without tiles and compression",
+            ));
+        }
+    }
 
     // All pages in use must have the same shape.
     let contiguous = planes > pages.len() as u64;
@@ -125,6 +138,7 @@ fn understand(
     directory: &Directory,
     description: &str,
     pages: usize,
+    shape: PageShape,
 ) -> Result<Axes> {
     let mut length = |id| -> Result<Option<f64>> {
         // The resolution is in pixels per unit; files without one have 0 or 0/0.
@@ -138,7 +152,12 @@ fn understand(
     if xml.starts_with('<') && xml.contains("<OME") || xml.starts_with("<ome:OME") {
         return tiff_axes::ome(path, xml, pages);
     }
-    let mut axes = tiff_axes::plain(pages as u64);
+    let size = [shape.width, shape.height];
+    let mut axes = match pages {
+        1 if shape.depth > 1 => tiff_axes::volume(shape.depth),
+        _ => tiff_axes::shaped(description, pages as u64, size)
+            .unwrap_or_else(|| tiff_axes::plain(pages as u64)),
+    };
     // Resolution of the printed page; the unit is 2 for inch, 3 for centimetre. Without a length along z it does not give a voxel size.
     let unit_mm = match tiff.number(directory, tag::RESOLUTION_UNIT)? {
         Some(2) => Some(25.4),
@@ -242,11 +261,18 @@ pub(crate) fn same_shape(
     if expected == got {
         return Ok(());
     }
+    let size = |shape: PageShape| match shape.depth {
+        1 => format!("{} × {}", shape.width, shape.height),
+        depth => format!("{} × {} × {depth}", shape.width, shape.height),
+    };
     Err(FormatError::damaged(
         path,
         format!(
-            "{this_name} has {} × {} pixels of {:?}, expected {} × {} of {:?} as {first_name}",
-            got.width, got.height, got.label_type, expected.width, expected.height, expected.label_type
+            "{this_name} has {} pixels of {:?}, expected {} of {:?} as {first_name}",
+            size(got),
+            got.label_type,
+            size(expected),
+            expected.label_type
         ),
     ))
 }

@@ -3,6 +3,7 @@
 //! ```text
 //! ImageJ      ImageJ=1.54f\nimages=30\nchannels=2\nslices=5\nframes=3\nunit=micron\nspacing=0.5      page order C, Z, T
 //! OME-TIFF    <OME …><Pixels DimensionOrder="XYZCT" SizeZ="5" PhysicalSizeX="0.1" …><TiffData IFD="0"/></Pixels></OME>
+//! tifffile    {"shape": [40, 50, 70], "axes": "ZYX", "truncated": true}      counts only where one page stands for all planes
 //! neither     pages are slices, in their order, with a warning
 //! --axes      tzyx, zcyx, …: the caller says what the pages are, slowest first, in place of the file
 //! ```
@@ -16,6 +17,10 @@ use crate::choice::{ChoiceValue, OpenChoice};
 use crate::error::{FormatError, Result};
 use crate::options::ArrayAxes;
 use crate::placement;
+use crate::stores;
+
+/// Longest description of tifffile that is read, in bytes: it has a number and a letter an axis, and what a caller adds.
+const MOST_SHAPE_BYTES: usize = 1 << 20;
 
 /// Meaning of one axis of pages.
 #[derive(Clone, Copy, Debug, PartialEq, Eq)]
@@ -55,6 +60,61 @@ pub(crate) fn plain(pages: u64) -> Axes {
         warnings: Vec::new(),
         assumed,
     }
+}
+
+/// The axes of one page that holds a whole volume, as its tag says.
+pub(crate) fn volume(depth: u64) -> Axes {
+    Axes { assumed: None, ..plain(depth) }
+}
+
+/// The axes of one page that stands for several planes by tifffile's description; `None` where there is no such description, or as many pages as
+/// planes. `size` is that of a page along x and y. A description that does not fit the pages is an older one: a warning says so.
+pub(crate) fn shaped(text: &str, pages: u64, size: [u64; 2]) -> Option<Axes> {
+    if text.len() > MOST_SHAPE_BYTES || !text.starts_with('{') {
+        return None;
+    }
+    let about = serde_json::from_str::<serde_json::Value>(text).ok()?;
+    let shape = stores::numbers(about.get("shape"))?;
+    // One value a pixel may be an axis of its own, the last.
+    let page = [size[1], size[0]];
+    let fits = shape.ends_with(&page) || (shape.len() > 2 && shape.ends_with(&[page[0], page[1], 1]));
+    let inner = if shape.ends_with(&page) || !fits { 2 } else { 3 };
+    let outer = &shape[..shape.len().saturating_sub(inner)];
+    let planes = outer.iter().try_fold(1u64, |n, &size| n.checked_mul(size)).unwrap_or(u64::MAX);
+    if planes <= pages {
+        return None;
+    }
+    if pages > 1 || !fits {
+        let shape = shape.iter().take(8).map(u64::to_string).collect::<Vec<_>>().join(" × ");
+        let mut axes = plain(pages);
+        axes.warnings.push(format!(
+            "the description has the shape {shape}, but the file has {pages} pages of {} × {} pixels, which are read",
+            size[0], size[1]
+        ));
+        return Some(axes);
+    }
+    // Letters of the axes, one for each number of the shape.
+    let letters = about.get("axes").and_then(|axes| axes.as_str()).filter(|axes| axes.len() == shape.len());
+    let mut order: Vec<(PageAxis, u64)> = Vec::new();
+    for (&size, letter) in outer.iter().zip(letters.unwrap_or_default().bytes()) {
+        let axis = match letter {
+            b'Z' => PageAxis::Z,
+            b'T' => PageAxis::Time,
+            b'C' => PageAxis::Channel,
+            _ => break,
+        };
+        if !order.iter().any(|a| a.0 == axis) {
+            order.push((axis, size));
+        }
+    }
+    // The shape is slowest first. Axes with other names, or with none, are slices.
+    if order.len() == outer.len() {
+        order.reverse();
+        return Some(Axes { order, assumed: None, ..plain(planes) });
+    }
+    let assumed =
+        format!("the description does not say what its {planes} planes are; they are read as slices along z");
+    Some(Axes { assumed: Some(assumed), ..plain(planes) })
 }
 
 impl Axes {

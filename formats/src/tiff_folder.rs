@@ -58,6 +58,13 @@ pub(crate) fn read(folder: &Path, options: &OpenOptions) -> Result<VolumeFile> {
             ));
         }
         let (shape, compression) = tiff_page::shape(file, &mut tiff, pages[0])?;
+        if shape.depth > 1 {
+            let what = format!(
+                "a slice of a folder must be one slice, this page holds {} (tag ImageDepth)",
+                shape.depth
+            );
+            return Err(FormatError::damaged(file, format!("{what}: open it by itself")));
+        }
         let (wanted, _) = *expected.get_or_insert((shape, compression));
         let first_name = first.file_name().unwrap_or_default().to_string_lossy();
         same_shape(file, "this slice", wanted, &first_name, shape)?;

@@ -48,6 +48,8 @@ pub(crate) mod tag {
     pub(crate) const TILE_OFFSETS: u16 = 324;
     pub(crate) const TILE_BYTE_COUNTS: u16 = 325;
     pub(crate) const SAMPLE_FORMAT: u16 = 339;
+    /// Of SGI: slices of a page that holds a whole volume.
+    pub(crate) const IMAGE_DEPTH: u16 = 32997;
 }
 
 /// One tag: its type, its number of values, and their offset in the file.

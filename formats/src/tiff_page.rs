@@ -47,6 +47,8 @@ enum Predictor {
 pub(crate) struct PageShape {
     pub(crate) width: u64,
     pub(crate) height: u64,
+    /// Slices of a page that holds a whole volume, else 1.
+    pub(crate) depth: u64,
     pub(crate) label_type: LabelType,
 }
 
@@ -71,6 +73,7 @@ pub(crate) fn shape(path: &Path, tiff: &mut TiffFile, at: u64) -> Result<(PageSh
     let mut get =
         |id: u16, default: u64| -> Result<u64> { Ok(tiff.number(&directory, id)?.unwrap_or(default)) };
     let (width, height) = (get(tag::IMAGE_WIDTH, 0)?, get(tag::IMAGE_LENGTH, 0)?);
+    let depth = get(tag::IMAGE_DEPTH, 1)?.max(1);
     let samples = get(tag::SAMPLES_PER_PIXEL, 1)?;
     let photometric = get(tag::PHOTOMETRIC, 1)?;
     let label_map = "labels are one whole number a voxel: save the label map itself as a grey-scale TIFF";
@@ -134,7 +137,7 @@ pub(crate) fn shape(path: &Path, tiff: &mut TiffFile, at: u64) -> Result<(PageSh
             ));
         }
     };
-    Ok((PageShape { width, height, label_type }, compression))
+    Ok((PageShape { width, height, depth, label_type }, compression))
 }
 
 impl Page {
@@ -196,6 +199,31 @@ impl Page {
             chunk_height,
             chunks,
         })
+    }
+
+    /// Whether the slices of a page that holds a volume lie one after the other, uncompressed: in strips that are cut anew in each slice, or in one.
+    pub(crate) fn has_slices_in_a_row(&self, tiff: &mut TiffFile, at: u64) -> Result<bool> {
+        if self.tiled || self.compression != Compression::None || !self.is_contiguous() {
+            return Ok(false);
+        }
+        let directory = tiff.directory(at)?;
+        let (strips, count) = (self.chunks.len() as u64, tiff.count(&directory, tag::STRIP_OFFSETS));
+        if count == 1 {
+            return Ok(true);
+        }
+        let slice_bytes =
+            self.shape.width.saturating_mul(self.shape.height).saturating_mul(self.element_bytes() as u64);
+        if count != strips.saturating_mul(self.shape.depth) {
+            return Ok(false);
+        }
+        for strip in strips..count {
+            let first = self.chunks[(strip % strips) as usize].0;
+            let expected = first.checked_add(slice_bytes.saturating_mul(strip / strips));
+            if expected != Some(tiff.nth(&directory, tag::STRIP_OFFSETS, strip)?) {
+                return Ok(false);
+            }
+        }
+        Ok(true)
     }
 
     /// Whether the rows of all strips lie one after the other.

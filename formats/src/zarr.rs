@@ -30,7 +30,7 @@ use crate::layout::{FileAxis, Layout, Role};
 use crate::levels::{Level, choose_level};
 use crate::ome_zarr::{self, Multiscale};
 use crate::options::{MissingChunks, OpenOptions};
-use crate::placement::{self, length_unit};
+use crate::placement;
 use crate::stores::lengths;
 use crate::volume_file::{VolumeFile, Voxels};
 use crate::zarr_chunks::ZarrChunks;
@@ -98,12 +98,18 @@ fn of_array(node: &Node, options: &OpenOptions, mut choices: Vec<OpenChoice>) ->
         Some(names) => by_names(&node.path, names, &array.shape, options, &mut choices)?,
         None => by_order(&node.path, &array.shape, options, &mut choices)?,
     };
-    let text = |name: &str| match node.attributes.get(name) {
-        Some(Value::String(text)) => Some(text.clone()),
-        Some(Value::Array(list)) => list.last()?.as_str().map(str::to_owned),
+    let texts = |name: &str| match node.attributes.get(name)? {
+        Value::String(text) => Some(vec![text.clone()]),
+        Value::Array(list) => {
+            Some(list.iter().map(|one| one.as_str().unwrap_or_default().to_owned()).collect())
+        }
         _ => None,
     };
-    let place = ArrayPlace::find(array.shape.len(), |name| lengths(node.attributes.get(name)), text);
+    let numbers = |name: &str| {
+        let found = node.attributes.get(name);
+        lengths(found).or_else(|| Some(vec![found?.as_f64()?]))
+    };
+    let place = ArrayPlace::find(array.shape.len(), numbers, texts);
     array
         .volume_file("Zarr", &roles, choices, options, |info| place.placed(&node.path, info, &roles, options))
 }
@@ -129,10 +135,10 @@ fn of_image(
             }
             xyz
         };
-        let sizes: Vec<f64> = shape.unwrap_or_default().iter().map(|&n| n as f64).collect();
+        let sizes = shape.map(|shape| along(&shape.iter().map(|&n| n as f64).collect::<Vec<f64>>()));
         let scale = along(&dataset.scale);
         levels.push(Level {
-            dims: along(&sizes).map(|n| n as u64),
+            dims: sizes.map(|sizes| sizes.map(|n| n as u64)),
             spacing: [0, 1, 2].map(|a| scale[a] * factor[a]),
         });
     }
@@ -158,11 +164,11 @@ fn of_level(
     array.volume_file("OME-Zarr", &roles, choices, options, |mut info| {
         let scale = along_xyz(&roles, &dataset.scale, 1.0);
         let moved = along_xyz(&roles, &dataset.translation, 0.0);
-        let axes = [0, 1, 2].map(|a| DVec3::AXES[a] * scale[a] * factor[a]);
+        let scale = [0, 1, 2].map(|a| scale[a] * factor[a]);
         let origin = DVec3::from_array([0, 1, 2].map(|a| moved[a] * factor[a]));
         info.unit = unit;
         info.notes = notes;
-        Ok(info.from_centre_affine(placement::world_from_centre(&path, axes, origin, options)?))
+        Ok(info.from_centre_affine(placement::from_lengths(&path, scale, origin, options)?))
     })
 }
 
@@ -172,23 +178,17 @@ fn space_of(name: &str) -> Option<usize> {
 
 /// The unit of an image, and what lengths along x, y, z are multiplied by to be in it. Axes without a unit have that of the others.
 fn units(node: &Node, image: &Multiscale, options: &OpenOptions) -> (Unit, [f64; 3]) {
-    let mut of_axes = [None; 3];
+    let mut names = [None; 3];
     for axis in &image.axes {
-        let (Some(space), Some(name)) = (space_of(&axis.name), &axis.unit) else { continue };
-        of_axes[space] = length_unit(name);
-        if of_axes[space].is_none() {
-            options.warnings.push(format!(
-                "{}: the unit {:?} of axis {} is not known",
-                node.path.display(),
-                shorten(name),
-                axis.name
-            ));
+        if let Some(space) = space_of(&axis.name) {
+            names[space] = axis.unit.as_deref();
         }
     }
-    let Some((unit, _)) = of_axes.into_iter().flatten().next() else { return (Unit::Unknown, [1.0; 3]) };
-    // Lengths in another unit than that of x are converted to it; those in the same are kept to the last bit.
-    let of_unit = placement::metres(unit);
-    (unit, of_axes.map(|axis| axis.map_or(1.0, |(_, m)| if m == of_unit { 1.0 } else { m / of_unit })))
+    let (unit, factor, unknown) = placement::one_unit(names);
+    for line in unknown {
+        options.warnings.push(format!("{}: {line}", node.path.display()));
+    }
+    (unit, factor)
 }
 
 /// An array whose metadata are read.
@@ -236,7 +236,8 @@ impl Opened {
     fn names(&self, node: &Node) -> Option<Vec<String>> {
         let of_xarray = node.attributes.get("_ARRAY_DIMENSIONS");
         let of_v3 = node.metadata.get("dimension_names");
-        [of_v3, of_xarray].into_iter().flatten().find_map(|list| {
+        let of_funlib = node.attributes.get("axis_names");
+        [of_v3, of_xarray, of_funlib].into_iter().flatten().find_map(|list| {
             let names: Vec<String> =
                 list.as_array()?.iter().map(|name| name.as_str().unwrap_or_default().to_owned()).collect();
             let known = |name: &&String| space_of(&name.to_lowercase()).is_some();

@@ -214,10 +214,13 @@ fn sample_lines_of_each_program_are_read() {
     );
     assert_eq!((new.table.ids(), new.table.names()), (&[10][..], &["liver".to_owned()][..]));
     assert_eq!(bytes(&new.table), [Some([221, 130, 101])]);
-    assert_eq!(new.table.columns(), [column("Color_A", &[255.0])]);
+    assert_eq!(new.table.columns(), []);
     assert_eq!(
         new.notes,
-        ["left out: the column Type_CodeMeaning, because line 2 has `Liver`, which is no number"]
+        [
+            "left out: the column Color_A, which is opacity",
+            "left out: the column Type_CodeMeaning, because line 2 has `Liver`, which is no number"
+        ]
     );
 
     // BIDS (dseg.tsv): index, name, abbreviation, color, mapping.
@@ -456,4 +459,19 @@ fn damaged_tables_never_panic() {
     }
     // Both happen: a damaged name is a name, and a damaged id is mostly none.
     assert!(refused > 150 && read > 30, "{refused} refused, {read} read");
+}
+
+#[test]
+fn a_colour_table_of_slicer_with_commas_is_read_by_its_content() {
+    let rows = "LabelValue,Name,Color_R,Color_G,Color_B,Color_A\n1,liver left,221,130,101,255\n2,x,1,2,3,\n";
+    let new = read("t.ctbl", rows);
+    assert_eq!((new.table.ids(), new.format), (&[1, 2][..], LabelTableFormat::Csv));
+    assert_eq!(new.table.names(), ["liver left", "x"]);
+    assert_eq!(bytes(&new.table), [Some([221, 130, 101]), Some([1, 2, 3])]);
+    assert_eq!((new.table.columns(), new.notes.len()), (&[][..], 1), "{:?}", new.notes);
+    // Control: names of the older kind may have commas, and a line with too few fields is still one of that kind.
+    assert_eq!(read("t.ctbl", "1 liver,left 221 130 101 255\n").format, LabelTableFormat::Slicer);
+    assert!(refused("t.ctbl", "1 liver 221 130 101\n").contains("an opacity, got 5 fields"));
+    // Beside a colour in one column, and without three of its own kind, such a column is one of numbers.
+    assert_eq!(read("t.csv", "id,color,alpha\n1,#ff0000,7\n").table.columns(), [column("alpha", &[7.0])]);
 }

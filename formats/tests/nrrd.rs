@@ -334,3 +334,53 @@ fn what_is_no_volume_is_told() {
     fs::create_dir(&empty).unwrap();
     assert!(read(&empty, &options).unwrap_err().contains("no TIFF slices"));
 }
+
+#[test]
+fn layers_without_segments_have_numbers() {
+    let folder = TempDir::new().unwrap();
+    let header = "NRRD0005\ntype: uchar\ndimension: 4\nsizes: 2 3 1 1\nkinds: list domain domain domain\n\
+                  space dimension: 3\nspace directions: none (1,0,0) (0,1,0) (0,0,1)\nencoding: raw\n";
+    let path = file(&folder, "a.nrrd", &[header.as_bytes(), b"\n", &SIX]);
+    let found = probe(&path, &OpenOptions::default()).unwrap();
+    assert_eq!((found.format, found.layers.len(), found.choices[0].listed.as_str()), ("NRRD", 0, "0 to 1"));
+    assert_eq!(found.choices[0].values.len(), 2);
+    let error = read(&path, &OpenOptions::default()).unwrap_err();
+    assert!(error.contains("--layer (0 to 1)"), "{error}");
+    // Control: with a segment.
+    let path = file(&folder, "b.nrrd", &[header.as_bytes(), b"Segment0_Name:=liver\n\n", &SIX]);
+    let found = probe(&path, &OpenOptions::default()).unwrap();
+    assert_eq!((found.format, found.layers.len()), ("NRRD (3D Slicer segmentation)", 2));
+}
+
+#[test]
+fn four_axes_without_kinds_are_told_the_line_to_add() {
+    let folder = TempDir::new().unwrap();
+    let header = |sizes: &str, kinds: &str| {
+        format!("NRRD0005\ntype: uchar\ndimension: 4\nsizes: {sizes}\n{kinds}encoding: raw\n\n")
+    };
+    let refused = |sizes: &str| {
+        let path = file(&folder, "a.nrrd", &[header(sizes, "").as_bytes(), &[1; 120]]);
+        read(&path, &OpenOptions::default()).unwrap_err()
+    };
+    let (last, first) = (refused("5 4 3 2"), refused("2 3 4 5"));
+    for (line, kinds) in [
+        (
+            &last,
+            "\"kinds: domain domain domain list\" for layers or \"kinds: domain domain domain time\" for time steps",
+        ),
+        (
+            &first,
+            "\"kinds: list domain domain domain\" for layers or \"kinds: time domain domain domain\" for time steps",
+        ),
+    ] {
+        assert!(line.contains(kinds) && line.lines().count() == 1, "{line}");
+    }
+    // What the line asks for is read.
+    let path = file(
+        &folder,
+        "a.nrrd",
+        &[header("5 4 3 2", "kinds: domain domain domain time\n").as_bytes(), &[1; 120]],
+    );
+    let options = OpenOptions { time: Some(1), ..OpenOptions::default() };
+    assert_eq!(read(&path, &options).unwrap().len(), 60);
+}

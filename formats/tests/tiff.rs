@@ -232,3 +232,91 @@ fn pages_in_a_circle_are_refused() {
     fs::write(&path, file).unwrap();
     assert!(read(&path).unwrap_err().contains("circle"));
 }
+
+/// The planes of a volume of two slices in a row, of bytes, with their values.
+fn two_slices() -> (Vec<u8>, Vec<u64>) {
+    let second: Vec<u64> = truncated(1).iter().map(|v| v ^ 1).collect();
+    let values = [truncated(1), second].concat();
+    (bytes_of(&values, 1, false), values)
+}
+
+#[test]
+fn a_page_that_holds_a_volume_is_read_whole_or_refused() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a.tif");
+    let (strip, values) = two_slices();
+    fs::write(&path, tiff(false, false, 8, &[(32997, 2)], &strip)).unwrap();
+    assert_eq!(read(&path), Ok(values));
+    // Control: without the tag it is one slice.
+    fs::write(&path, tiff(false, false, 8, &[], &strip)).unwrap();
+    assert_eq!(read(&path), Ok(truncated(1)));
+    for (tags, strip, expected) in [
+        (&[(32997, 2), (259, 8)][..], compress(8, &strip), "a page holds a volume of 2 slices"),
+        (&[(32997, 3)], strip.clone(), "expected 105 bytes"),
+        (&[(32997, 2), (322, 16), (323, 16), (324, 8)], strip.clone(), "a page holds a volume of 2 slices"),
+    ] {
+        fs::write(&path, tiff(false, false, 8, tags, &strip)).unwrap();
+        let error = read(&path).unwrap_err();
+        assert!(error.contains(expected) && error.lines().count() == 1, "{error}");
+    }
+    // A folder of such pages.
+    let slices = folder.path().join("slices");
+    fs::create_dir(&slices).unwrap();
+    fs::write(slices.join("s1.tif"), tiff(false, false, 8, &[(32997, 2)], &strip)).unwrap();
+    assert!(read(&slices).unwrap_err().contains("this page holds 2"));
+}
+
+/// A file with a description, and the planes behind it.
+fn described(description: &str, planes: &[u8]) -> Vec<u8> {
+    // Rows per strip gives its place to the description; one strip is the default.
+    let at = tiff(false, false, 8, &[], &[]).len();
+    let text = [description.as_bytes(), b"\0"].concat();
+    let mut file = with_tag(tiff(false, false, 8, &[], &[&text[..], planes].concat()), 270, at as u64);
+    let count = usize::from(u16::from_le_bytes([file[8], file[9]]));
+    for entry in (0..count).map(|i| 10 + 12 * i) {
+        match u16::from_le_bytes([file[entry], file[entry + 1]]) {
+            270 => {
+                file[entry + 2] = 2;
+                file[entry + 4..entry + 8].copy_from_slice(&(text.len() as u32).to_le_bytes());
+            }
+            273 => file[entry + 8..entry + 12].copy_from_slice(&((at + text.len()) as u32).to_le_bytes()),
+            _ => {}
+        }
+    }
+    file
+}
+
+#[test]
+fn a_page_of_tifffile_that_stands_for_all_planes_is_read() {
+    let folder = TempDir::new().unwrap();
+    let path = folder.path().join("a.tif");
+    let (planes, values) = two_slices();
+    let warnings = |description: &str, planes: &[u8]| {
+        fs::write(&path, described(description, planes)).unwrap();
+        let options = OpenOptions::default();
+        let found = pumice_formats::probe(&path, &options).unwrap();
+        (found.info.dims, options.warnings.list().join("\n"))
+    };
+    let (dims, said) = warnings(r#"{"shape": [2, 5, 7], "axes": "ZYX", "truncated": true}"#, &planes);
+    assert!(dims == [7, 5, 2] && !said.contains("planes"), "{said}");
+    assert_eq!(read(&path), Ok(values));
+    let (dims, said) = warnings(r#"{"shape": [2, 5, 7, 1]}"#, &planes);
+    assert!(
+        dims == [7, 5, 2] && said.contains("its 2 planes are; they are read as slices along z"),
+        "{said}"
+    );
+    // Time steps are chosen.
+    let (dims, _) = warnings(r#"{"shape": [2, 5, 7], "axes": "TYX"}"#, &planes);
+    assert_eq!(dims, [7, 5, 1]);
+    assert!(read(&path).unwrap_err().contains("--time-step"));
+    // Control: a description of one plane. One of other pages is named, and one of more planes than there are is refused.
+    assert_eq!(warnings(r#"{"shape": [5, 7]}"#, &planes).0, [7, 5, 1]);
+    let (dims, said) = warnings(r#"{"shape": [2, 9, 7]}"#, &planes);
+    assert!(
+        dims == [7, 5, 1] && said.contains("the shape 2 × 9 × 7, but the file has 1 pages of 7 × 5"),
+        "{said}"
+    );
+    fs::write(&path, described(r#"{"shape": [3, 5, 7]}"#, &planes)).unwrap();
+    let error = read(&path).unwrap_err();
+    assert!(error.contains("the description promises 3 planes") && error.lines().count() == 1, "{error}");
+}

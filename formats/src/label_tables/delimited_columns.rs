@@ -8,8 +8,8 @@
 //! | colour `#rrggbb` | `color` `colour` `hex` |
 //! | colour in three columns | `r` `g` `b`, `red` `green` `blue`, `color_r` `color_g` `color_b` |
 //!
-//! Every other column whose cells are all numbers or empty is a column of numbers under its own name. The rest is left out, and a note says
-//! which column and the first cell that is no number.
+//! The opacity beside three such columns (`a`, `alpha`, `color_a`) is left out, with a note. Every other column whose cells are all numbers or
+//! empty is a column of numbers under its own name. The rest is left out, and a note says which column and the first cell that is no number.
 
 use std::path::Path;
 
@@ -28,6 +28,9 @@ const TYPES: [&str; 2] = ["type", "cell_type"];
 const COLORS: [&str; 3] = ["color", "colour", "hex"];
 const CHANNELS: [[&str; 3]; 3] =
     [["r", "g", "b"], ["red", "green", "blue"], ["color_r", "color_g", "color_b"]];
+
+/// Opacity beside the [`CHANNELS`] in the same place.
+const OPACITIES: [&str; 3] = ["a", "alpha", "color_a"];
 
 /// Whole numbers beyond this are no longer all exact in f64.
 const MOST_EXACT: u128 = 1 << 53;
@@ -79,17 +82,22 @@ impl Layout {
             return Err(wrong_cell(path, line, 1, what));
         };
         let (name, kind, color) = (take(&NAMES), take(&TYPES), take(&COLORS));
-        let triple = |names: &[&str; 3]| {
-            let [r, g, b] = names.map(|name| headers.iter().position(|h| h == name));
-            Some([r?, g?, b?])
+        let at = |name: &str| headers.iter().position(|h| h == name);
+        let triple = |(names, opacity): (&[&str; 3], &str)| {
+            let [r, g, b] = names.map(at);
+            Some(([r?, g?, b?], at(opacity)))
         };
         // Next to a colour in one column, three more are further numbers.
-        let channels = if color.is_none() { CHANNELS.iter().find_map(triple) } else { None };
+        let found = if color.is_none() { CHANNELS.iter().zip(OPACITIES).find_map(triple) } else { None };
+        let (channels, opacity) = found.map_or((None, None), |(channels, opacity)| (Some(channels), opacity));
         channels.iter().flatten().for_each(|&column| taken[column] = true);
         let others = (0..headers.len()).filter(|&c| !taken[c]).map(|column| {
             let header = record.get(column).unwrap_or_default();
             match header {
                 "" => OtherColumn::left_out(column, &format!("column {}, which has no name", column + 1)),
+                name if opacity == Some(column) => {
+                    OtherColumn::left_out(column, &format!("the column {name}, which is opacity"))
+                }
                 name => OtherColumn::new(column, name),
             }
         });

@@ -8,7 +8,7 @@
 //! ```
 //! Fields are separated by spaces, and `_` stands for a space in a name, in both directions. Colours and opacity are numbers from 0 to 255,
 //! or from 0 to 1 in a file that has none above 1, as Slicer wrote them before version 4.3. What follows the opacity is a comment. Opacity is
-//! not read, and written as 255. (Slicer's tables with the ending `.csv` are read as CSV.)
+//! not read, and written as 255. (Slicer's tables with commas are read as CSV, also those with the ending `.ctbl`.)
 
 use std::fmt::Write as _;
 use std::path::Path;
@@ -26,7 +26,14 @@ pub(super) fn recognises(path: &Path, text: &str) -> bool {
     let says_so =
         |line: &str| line.starts_with("# Color table file") || line.starts_with("# Color procedural file");
     text.lines().take_while(|line| line.starts_with('#')).any(says_so)
-        || path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ctbl"))
+        || (path.extension().is_some_and(|ending| ending.eq_ignore_ascii_case("ctbl")) && !is_delimited(text))
+}
+
+/// Whether the first line has cells between commas or semicolons, as the tables that Slicer writes from version 5.8 on whatever their ending is.
+fn is_delimited(text: &str) -> bool {
+    data_lines(text)
+        .next()
+        .is_some_and(|(_, line)| line.contains([',', ';']) && line.split_whitespace().count() < 6)
 }
 
 pub(super) fn read(path: &Path, text: &str) -> Result<LabelTableFile> {
