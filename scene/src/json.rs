@@ -115,6 +115,8 @@ impl Scene {
 
 /// What a text is the JSON form of.
 pub(crate) fn parsed<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, SceneError> {
+    // Editors of Windows put a byte order mark before a text.
+    let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
     let mut reader = serde_json::Deserializer::from_str(text);
     let value = serde_path_to_error::deserialize(&mut reader)
         .map_err(|error| SceneError::json(&error.path().to_string(), error.inner()))?;

@@ -58,18 +58,20 @@ impl Check {
     }
 
     fn range(&self, name: &str, value: f64, low: f64, high: f64) -> Checked {
-        self.field(name, value >= low && value <= high, || format!("expected {low} to {high}, got {value}"))
+        self.field(name, value >= low && value <= high, || {
+            format!("expected {} to {}, got {}", written(low), written(high), written(value))
+        })
     }
 
     fn at_least(&self, name: &str, value: f64, low: f64) -> Checked {
         self.field(name, value >= low && value.is_finite(), || {
-            format!("expected a number of at least {low}, got {value}")
+            format!("expected a number of at least {}, got {}", written(low), written(value))
         })
     }
 
     fn above(&self, name: &str, value: f64, low: f64) -> Checked {
         self.field(name, value > low && value.is_finite(), || {
-            format!("expected a number above {low}, got {value}")
+            format!("expected a number above {}, got {}", written(low), written(value))
         })
     }
 
@@ -117,6 +119,14 @@ impl Check {
         self.field(name, shear.iter().all(|s| s.abs() <= MOST_SHEAR), || {
             format!("expected axes at right angles, got cosines {shear:?} between them")
         })
+    }
+}
+
+/// A number as messages show it: with an exponent where it had many digits without.
+fn written(value: f64) -> String {
+    match value.abs() {
+        1e-5..1e16 | 0.0 => format!("{value}"),
+        _ => format!("{value:e}"),
     }
 }
 

@@ -272,3 +272,12 @@ fn nesting_does_not_exhaust_the_stack() {
     let text = format!("{{\"version\": 1, \"instances\": {}", "[".repeat(1 << 20));
     assert!(matches!(Scene::from_json(&text), Err(SceneError::Json { .. })));
 }
+
+/// Editors of Windows put a byte order mark before a text.
+#[test]
+fn a_byte_order_mark_is_skipped() {
+    let scene = full_scene();
+    let text = scene.to_json().unwrap();
+    assert_eq!(Scene::from_json(&format!("\u{FEFF}{text}")).unwrap(), scene);
+    assert!(Scene::from_json(&format!("\u{FEFF}\u{FEFF}{text}")).is_err());
+}

@@ -215,9 +215,10 @@ fn lamps() {
     let point = |s: &mut Scene, position: [f64; 3], radius: f64| {
         s.lights[0].shape = LightShape::Point { position, radius, soft_falloff: false };
     };
-    rule("lights[0].shape.point.radius", |s, r| point(s, [0.0; 3], r), &[-1.0, f64::NAN], &[0.0, 1e6]);
-    let somewhere = [[f64::NAN, 0.0, 0.0], [0.0, 0.0, f64::INFINITY]];
-    rule("lights[0].shape.point.position", |s, p| point(s, p, 1.0), &somewhere, &[[1e9; 3]]);
+    let radii = [-1.0, f64::NAN, 1.1e18, 1e300];
+    rule("lights[0].shape.point.radius", |s, r| point(s, [0.0; 3], r), &radii, &[0.0, 1e6, 1e18]);
+    let somewhere = [[f64::NAN, 0.0, 0.0], [0.0, 0.0, f64::INFINITY], [0.0, -1e39, 0.0], [1e300, 0.0, 0.0]];
+    rule("lights[0].shape.point.position", |s, p| point(s, p, 1.0), &somewhere, &[[1e9; 3], [-1e18; 3]]);
     let spot = |s: &mut Scene, direction: [f64; 3], angle_rad: f64, blend: f32| {
         s.lights[1].shape = LightShape::Spot {
             position: [0.0; 3],
@@ -267,6 +268,14 @@ fn lamps() {
         s.lights[0].power_w = 1e12;
     };
     rule("lights[0].power_w", ball, &[1e-14], &[1e-16, 1e-12]);
+    let far = |s: &mut Scene, x: f64| {
+        area(s, one, [1.0; 2], PI);
+        let LightShape::Area { world_from_light, .. } = &mut s.lights[2].shape else { unreachable!() };
+        world_from_light.translation.x = x;
+    };
+    rule("lights[2].shape.area.world_from_light", far, &[1e39, -1e300], &[1e18]);
+    let long = |s: &mut Scene, scale: f64| area(s, one * scale, [2.0; 2], PI);
+    rule("lights[2].shape.area.size[0]", long, &[1e18, 1e90], &[1e-6, 1e17]);
     rule("lights[2].shape.area.spread_rad", |s, a| area(s, one, [1.0; 2], a), &angles, &[0.0, PI]);
 }
 

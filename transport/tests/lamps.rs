@@ -420,3 +420,50 @@ fn lamps_are_chosen_by_the_irradiance_that_they_give() {
     // A ball that touches the horizon is still seen.
     assert!(point(2.0, 0.1, false).irradiance_at(&up(2.09, false)) > 0.0);
 }
+
+/// The axes of an area lamp are directions however short or long they are, and nothing that is near the limits of the scene's validation makes a
+/// number that is none.
+#[test]
+fn extreme_lamps_give_finite_light() {
+    for scale in [1e-300, 1e-160, 1e-20, 1e17] {
+        let world_from_light = DAffine3::from_scale(DVec3::new(scale, 1.0, scale));
+        let shape = |world_from_light| LightShape::Area {
+            world_from_light,
+            outline: Outline::Ellipse,
+            size: [1.0; 2],
+            spread_rad: PI,
+        };
+        let [lamp, unscaled] =
+            [world_from_light, DAffine3::IDENTITY].map(|m| ReadyLamp::new(&light(shape(m))));
+        assert_eq!((lamp.axis, lamp.sides), (unscaled.axis, unscaled.sides), "{scale}");
+    }
+    let mut lit = 0;
+    for z in [1e-18, 1.0, 1e9, 1e18] {
+        for size in [1e-15, 1.0, 1e18] {
+            let lamps = [
+                point(z, size, false),
+                point(z, size, true),
+                area(z, Outline::Rectangle, [size, 1.0], PI),
+                area(z, Outline::Ellipse, [size; 2], PI),
+                area(z, Outline::Rectangle, [size; 2], 0.5),
+                area(z, Outline::Rectangle, [size; 2], 0.0),
+            ];
+            for (number, lamp) in lamps.iter().enumerate() {
+                for x in [0.0, 1e-9, 3.0, 1e18] {
+                    let from = floor(x, 0.0);
+                    let what = format!("lamp {number}, {z} {size} {x}");
+                    assert!(lamp.irradiance_at(&from).is_finite(), "{what}");
+                    for u in [[0.0, 0.0], [0.25, 0.75], [0.999_999_9, 0.5]] {
+                        let Some(s) = lamp.sample(&from, u) else { continue };
+                        // On a ball's surface the distance is the difference of numbers as large as these, to 2⁻²⁴ of them each.
+                        let least = -1e-6 * (z + size + x) as f32;
+                        let is_sound = s.direction.is_normalized() && s.distance >= least && s.pdf >= 0.0;
+                        assert!(is_sound && s.radiance.is_finite(), "{what}: {s:?}");
+                        lit += 1;
+                    }
+                }
+            }
+        }
+    }
+    assert!(lit > 300, "{lit} samples carry light");
+}

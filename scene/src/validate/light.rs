@@ -3,6 +3,9 @@
 use super::{Check, Checked};
 use crate::{Light, LightShape, Sun};
 
+/// Longest sides and radii of lamps, and how far from the origin they lie at most along each axis: squares of distances must fit an f32.
+const MOST_LENGTH: f64 = 1e18;
+
 pub(super) fn validate_sun(c: &Check, sun: &Sun) -> Checked {
     c.direction("direction", sun.direction)?;
     c.at_least("strength", sun.strength.into(), 0.0)?;
@@ -26,20 +29,30 @@ pub(super) fn validate_light(c: &Check, light: &Light) -> Checked {
     c.color("color", light.color)?;
     match &light.shape {
         LightShape::Point { position, radius, soft_falloff: _ } => {
-            c.point("shape.point.position", *position)?;
-            c.at_least("shape.point.radius", *radius, 0.0)
+            near(c, "shape.point.position", *position)?;
+            c.range("shape.point.radius", *radius, 0.0, MOST_LENGTH)
         }
         LightShape::Spot { position, direction, radius, angle_rad, blend, soft_falloff: _ } => {
-            c.point("shape.spot.position", *position)?;
+            near(c, "shape.spot.position", *position)?;
             c.direction("shape.spot.direction", *direction)?;
-            c.at_least("shape.spot.radius", *radius, 0.0)?;
+            c.range("shape.spot.radius", *radius, 0.0, MOST_LENGTH)?;
             c.range("shape.spot.angle_rad", *angle_rad, 0.0, std::f64::consts::PI)?;
             c.range("shape.spot.blend", (*blend).into(), 0.0, 1.0)
         }
         LightShape::Area { world_from_light, outline: _, size, spread_rad } => {
             c.without_shear("shape.area.world_from_light", world_from_light)?;
-            c.above("shape.area.size[0]", size[0], 0.0)?;
-            c.above("shape.area.size[1]", size[1], 0.0)?;
+            near(c, "shape.area.world_from_light", world_from_light.translation.to_array())?;
+            let m = world_from_light.matrix3;
+            for (name, size, axis) in
+                [("shape.area.size[0]", size[0], m.x_axis), ("shape.area.size[1]", size[1], m.y_axis)]
+            {
+                c.above(name, size, 0.0)?;
+                // The squares of numbers up to 1e300 overflow, so that this is infinite: also too long.
+                let length = axis.length() * size;
+                c.field(name, length <= MOST_LENGTH, || {
+                    format!("expected a side of at most {MOST_LENGTH:e}, got {length:e} in the world")
+                })?;
+            }
             c.range("shape.area.spread_rad", *spread_rad, 0.0, std::f64::consts::PI)
         }
     }?;
@@ -48,6 +61,14 @@ pub(super) fn validate_light(c: &Check, light: &Light) -> Checked {
     let radiance = f64::from(light.power_w) * f64::from(brightest) / square_of(&light.shape);
     c.field("power_w", radiance <= f64::from(f32::MAX), || {
         format!("expected less power or a larger lamp, got {}: radiance {radiance}", light.power_w)
+    })
+}
+
+/// Checks the middle of a lamp.
+fn near(c: &Check, name: &str, position: [f64; 3]) -> Checked {
+    c.point(name, position)?;
+    c.field(name, position.iter().all(|v| v.abs() <= MOST_LENGTH), || {
+        format!("expected a place within {MOST_LENGTH:e} of the origin, got {position:?}")
     })
 }
 

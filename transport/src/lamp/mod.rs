@@ -120,6 +120,11 @@ pub struct LampSample {
     pub pdf: f32,
 }
 
+/// The unit vector along one that is not 0, however short: its square may be 0 in an f64.
+fn unit(v: DVec3) -> DVec3 {
+    (v / v.abs().max_element()).normalize()
+}
+
 impl ReadyLamp {
     /// Prepares a lamp of the scene.
     pub fn new(light: &Light) -> Self {
@@ -157,8 +162,8 @@ impl ReadyLamp {
                     Outline::Rectangle => LampKind::Rectangle,
                     Outline::Ellipse => LampKind::Ellipse,
                 };
-                lamp.axis = (-m.z_axis.normalize()).as_vec3();
-                lamp.sides = [m.x_axis, m.y_axis].map(|a| a.normalize().as_vec3());
+                lamp.axis = (-unit(m.z_axis)).as_vec3();
+                lamp.sides = [m.x_axis, m.y_axis].map(|a| unit(a).as_vec3());
                 let [width, height] =
                     [(m.x_axis, size[0]), (m.y_axis, size[1])].map(|(a, s)| (a.length() * s).max(LEAST_SIZE));
                 lamp.half = [width, height].map(|s| (0.5 * s) as f32);

@@ -616,7 +616,10 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
             ("half_distribution", READY),
         ],
     ),
-    ("transport/src/lamp/mod.rs", &[("ReadyLamp::new", READY), ("ReadyLamp::intensity_of", READY)]),
+    (
+        "transport/src/lamp/mod.rs",
+        &[("unit", READY), ("ReadyLamp::new", READY), ("ReadyLamp::intensity_of", READY)],
+    ),
     (
         "transport/src/sun.rs",
         &[
