@@ -333,15 +333,15 @@ impl Renderer for CpuRenderer {
         tracer.add_early(&pixels, job)?;
         let coarse = tracer.film().coarse(&pixels)?;
         let (color, alpha) = (coarse.mean()?, coarse.alpha()?);
-        let guides = guided.then(|| tracer.guides(&pixels)).transpose()?;
+        let guides = guided.then(|| tracer.guides(&pixels, job)).transpose()?;
         tracer.check()?;
         Ok(Some(CoarseFrame { color, alpha, guides }))
     }
 
-    fn guides(&mut self) -> Result<Option<Guides>, RenderError> {
+    fn guides(&mut self, job: &Job) -> Result<Option<Guides>, RenderError> {
         let Shown { tracer, scene, .. } = self.shown()?;
         let Film { width, height, .. } = scene.scene().film;
-        let guides = tracer.guides(&CoarsePixels::new([width, height], [width, height]))?;
+        let guides = tracer.guides(&CoarsePixels::new([width, height], [width, height]), job)?;
         tracer.check()?;
         Ok(Some(guides))
     }

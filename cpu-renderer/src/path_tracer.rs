@@ -277,12 +277,16 @@ impl<T: Tracer> PathTracer<T> {
     /// What the denoiser knows of these pixels of the film: their first surfaces, as [`PathTracer::picture`] has them.
     ///
     /// # Errors
-    /// [`NoMemory`].
-    pub fn guides(&self, pixels: &CoarsePixels) -> Result<Guides, NoMemory> {
-        Guides::by_pixels(pixels.size().map(|n| n as usize), |column, row| {
+    /// [`RenderError::Memory`]; [`RenderError::Cancelled`] soon after `job` is cancelled.
+    pub fn guides(&self, pixels: &CoarsePixels, job: &Job) -> Result<Guides, RenderError> {
+        let guides = Guides::by_pixels(pixels.size().map(|n| n as usize), |column, row| {
+            if job.is_cancelled() {
+                return None;
+            }
             let [x, y] = pixels.pixel(column as u32, row as u32);
             self.first(x, y).map(|first| first.surface)
-        })
+        })?;
+        if job.is_cancelled() { Err(RenderError::Cancelled) } else { Ok(guides) }
     }
 
     /// The first surface seen through the middle of a pixel.

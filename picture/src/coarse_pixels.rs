@@ -18,6 +18,11 @@ impl CoarsePixels {
         self.frame
     }
 
+    /// Pixels of the film across and down.
+    pub fn film(&self) -> [u32; 2] {
+        self.film
+    }
+
     /// Columns of the film that the frame shows, from the left.
     pub fn columns(&self) -> impl Iterator<Item = u32> {
         let Self { film, frame } = *self;

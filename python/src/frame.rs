@@ -81,7 +81,8 @@ impl Frame {
         self.frame.cpu_seconds
     }
 
-    /// Whether it has fewer pixels than the film, as the first frames after an edit do.
+    /// Whether only some of the film's pixels have a sample, as in the first frames after an edit: it has fewer pixels than the film, or is
+    /// enlarged from one that has.
     #[getter]
     fn coarse(&self) -> bool {
         self.frame.coarse

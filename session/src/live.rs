@@ -74,7 +74,8 @@ pub struct Frame {
     pub seconds: f64,
     /// CPU seconds of the process in that time.
     pub cpu_seconds: f64,
-    /// Whether the frame has fewer pixels than the film.
+    /// Whether only some of the film's pixels have a sample. The frame has fewer pixels than the film, or is
+    /// [enlarged](pumice_picture::denoise::upsampled) from one that has.
     pub coarse: bool,
     /// Whether the frame was denoised: its pixels are then not means of samples.
     pub filtered: bool,

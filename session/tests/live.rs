@@ -172,6 +172,30 @@ fn a_large_film_begins_with_coarse_frames_of_the_whole_view() {
     assert_eq!(live.status().counters["frames"], 3);
 }
 
+/// The last coarse frame that is denoised comes again at the film's size, with the edges of the film's own surfaces: it is closer to the converged
+/// picture than squares are.
+#[test]
+fn the_last_denoised_coarse_frame_is_enlarged() {
+    let scene = scene([640, 360]);
+    let live = Live::start(loaded(scene.clone()), LiveOptions { denoise: true, ..spp(1) }).unwrap();
+    let mut seen: Vec<Arc<Frame>> = Vec::new();
+    let start = Instant::now();
+    while !seen.last().is_some_and(|f| f.converged) {
+        seen.extend(live.latest(seen.last().map_or(0, |f| f.serial)));
+        assert!(start.elapsed() < Duration::from_secs(60), "{:?}", live.status());
+    }
+    assert_eq!(live.status().counters["frames"], 4);
+    let of = |width| seen.iter().find(|f| f.coarse && f.width == width).expect("it was shown long enough");
+    let (half, enlarged) = (of(320), of(640));
+    assert!(half.filtered && enlarged.filtered && enlarged.height == 360 && enlarged.spp == 1);
+    let squares: Vec<f32> = (0..360 * 640)
+        .flat_map(|i| half.rgba[4 * (i / 640 / 2 * 320 + i % 640 / 2)..][..4].to_vec())
+        .collect();
+    let reference = plain(&scene, 64);
+    let [with, without] = [&enlarged.rgba, &squares].map(|rgba| rel_mse(rgba, &reference));
+    assert!(with < 0.5 * without, "{with} {without}");
+}
+
 /// The processor takes coarse frames from the film, so that none is made for them.
 #[test]
 fn coarse_frames_of_the_processor_need_no_film() {

@@ -156,8 +156,8 @@ pub trait Renderer: Send {
     /// What the denoiser knows of the first surfaces of the film.
     ///
     /// # Errors
-    /// As [`Renderer::picture`].
-    fn guides(&mut self) -> Result<Option<Guides>, RenderError> {
+    /// As [`Renderer::picture`]; [`RenderError::Cancelled`] soon after `job` is cancelled, where the renderer looks at it.
+    fn guides(&mut self, _job: &Job) -> Result<Option<Guides>, RenderError> {
         Ok(Guides::of(&self.picture()?)?)
     }
 

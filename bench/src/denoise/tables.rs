@@ -5,7 +5,7 @@ use std::path::Path;
 use pumice_session::error::{Result, SessionError};
 use pumice_session::plot::{Axes, Curve, log_log_svg};
 
-use super::viewport::{CORES, SECONDS, Viewport, WATCHED_CPU_SECONDS};
+use super::viewport::{CORES, SECONDS, Shown, Viewport, WATCHED_CPU_SECONDS};
 use super::{Denoised, Through};
 use crate::files::write_results;
 use crate::table::Table;
@@ -35,10 +35,10 @@ pub(super) fn write(
     write_results(folder, files)
 }
 
-/// Writes `viewport.csv` and `viewport.md` into `folder`, which is created if missing.
+/// Writes `viewport.csv` with all frames, `viewport.md` and `viewport_SCENE.svg` into `folder`, which is created if missing.
 ///
 /// # Errors
-/// When the folder cannot be written.
+/// When the folder cannot be written or there is nothing to plot.
 pub(super) fn write_viewport(
     folder: &Path,
     machine: &str,
@@ -53,7 +53,40 @@ pub(super) fn write_viewport(
         SECONDS * CORES,
         table.markdown()
     );
-    write_results(folder, [("viewport.csv".into(), table.csv()), ("viewport.md".into(), page)])
+    let frames =
+        Table::of_cells(rows.iter().flat_map(|row| row.frames.iter().map(|shown| frame_cells(row, shown))));
+    let mut files = vec![("viewport.csv".to_owned(), frames.csv()), ("viewport.md".to_owned(), page)];
+    for of_scene in rows.chunk_by(|a, b| a.scene == b.scene) {
+        let text = viewport_svg(of_scene).map_err(SessionError::Caller)?;
+        files.push((format!("viewport_{}.svg", of_scene[0].scene), text));
+    }
+    write_results(folder, files)
+}
+
+/// A frame of a live picture as a row of the CSV.
+fn frame_cells(row: &Viewport, shown: &Shown) -> Vec<(&'static str, String)> {
+    vec![
+        ("scene", row.scene.into()),
+        ("denoised", if row.denoised { "yes" } else { "no" }.into()),
+        ("CPU s", format!("{:.3}", shown.cpu_seconds)),
+        ("s", format!("{:.3}", shown.seconds)),
+        ("samples", shown.samples()),
+        ("FLIP", format!("{:.4}", shown.flip)),
+    ]
+}
+
+/// FLIP over CPU seconds of the live pictures of one scene.
+fn viewport_svg(rows: &[Viewport]) -> std::result::Result<String, String> {
+    let curve = |row: &Viewport| Curve {
+        name: if row.denoised { "denoised" } else { "as rendered" },
+        points: (row.frames.iter())
+            .filter(|shown| shown.flip > 0.0)
+            .map(|shown| (shown.cpu_seconds.max(1e-3), shown.flip))
+            .collect(),
+    };
+    let curves: Vec<Curve<'_>> = rows.iter().map(curve).collect();
+    let axes = Axes { x: "CPU seconds since the camera moved", y: "FLIP", y_digits: 3, slope: None };
+    log_log_svg(rows.first().map_or("", |row| row.scene), &axes, &curves)
 }
 
 fn scenes(results: &[Denoised]) -> Vec<&'static str> {

@@ -47,7 +47,9 @@ pub(super) struct Shown {
     pub seconds: f64,
     /// Samples in every pixel.
     pub spp: u32,
-    /// The film's width over that of the frame, rounded.
+    /// Whether only some of the film's pixels had a sample.
+    pub is_coarse: bool,
+    /// The film's width over that of the frame, rounded; 1 also for a coarse frame that was enlarged.
     pub divisor: u32,
     /// FLIP against the reference.
     pub flip: f64,
@@ -66,6 +68,8 @@ pub(super) struct Viewport {
     pub in_time: Option<Shown>,
     /// The first frame whose FLIP is at most [`BAR`], among those that were watched.
     pub close: Option<Shown>,
+    /// All frames that were watched.
+    pub frames: Vec<Shown>,
 }
 
 /// The scene after the camera move.
@@ -99,23 +103,21 @@ pub(super) fn watched(
                 cpu_seconds: frame.cpu_seconds,
                 seconds: frame.seconds,
                 spp: frame.spp,
+                is_coarse: frame.coarse,
                 divisor: (reference.width as f64 / f64::from(frame.width)).round() as u32,
                 flip: mean_flip(&flip_map(&display_from_linear(&image), &expected)),
             })
         };
-        let whole = frames.iter().find(|f| !f.coarse).ok_or_else(|| died("no frame of the whole film"))?;
-        let whole = judge(whole)?;
-        let in_time = frames.iter().rev().find(|f| f.cpu_seconds <= SECONDS * CORES);
-        let in_time = in_time.map(|f| judge(f)).transpose()?;
-        let mut close = None;
-        for frame in &frames {
-            let shown = judge(frame)?;
-            if shown.flip <= BAR {
-                close = Some(shown);
-                break;
-            }
-        }
-        results.push(Viewport { scene: name, denoised, whole, in_time, close });
+        let frames = frames.iter().map(|frame| judge(frame)).collect::<Result<Vec<Shown>>>()?;
+        let whole = frames.iter().find(|f| !f.is_coarse).ok_or_else(|| died("no frame of the whole film"))?;
+        results.push(Viewport {
+            scene: name,
+            denoised,
+            whole: *whole,
+            in_time: frames.iter().rev().find(|f| f.cpu_seconds <= SECONDS * CORES).copied(),
+            close: frames.iter().find(|f| f.flip <= BAR).copied(),
+            frames,
+        });
     }
     Ok(results)
 }
@@ -187,25 +189,33 @@ fn enlarged(frame: &Frame, [width, height]: [usize; 2]) -> Image {
     Image::new(width, height, pixels)
 }
 
+impl Shown {
+    /// Its samples, and where they are.
+    pub(super) fn samples(&self) -> String {
+        match *self {
+            Self { spp, is_coarse: false, .. } => spp.to_string(),
+            Self { spp, divisor: 0 | 1, .. } => format!("{spp} in some pixels, enlarged"),
+            Self { spp, divisor, .. } => format!("{spp} of 1/{divisor} of the film's width"),
+        }
+    }
+}
+
 impl Row for Viewport {
     fn cells(&self) -> Vec<(&'static str, String)> {
-        let of =
-            |shown: Option<Shown>, text: &dyn Fn(Shown) -> String| shown.map_or_else(|| "–".to_owned(), text);
-        let samples = |s: Shown| match s.divisor {
-            0 | 1 => s.spp.to_string(),
-            n => format!("{} of 1/{n} of the film's width", s.spp),
+        let of = |shown: Option<Shown>, text: &dyn Fn(&Shown) -> String| {
+            shown.as_ref().map_or_else(|| "–".to_owned(), text)
         };
-        let cpu = |s: Shown| format!("{:.2}", s.cpu_seconds);
-        let flip = |s: Shown| format!("{:.3}", s.flip);
+        let cpu = |s: &Shown| format!("{:.2}", s.cpu_seconds);
+        let flip = |s: &Shown| format!("{:.3}", s.flip);
         vec![
             ("scene", self.scene.into()),
             ("denoised", if self.denoised { "yes" } else { "no" }.into()),
-            ("whole film, CPU s", cpu(self.whole)),
-            ("its FLIP", flip(self.whole)),
-            ("samples in 6 CPU s", of(self.in_time, &samples)),
+            ("whole film, CPU s", cpu(&self.whole)),
+            ("its FLIP", flip(&self.whole)),
+            ("samples in 6 CPU s", of(self.in_time, &Shown::samples)),
             ("FLIP then", of(self.in_time, &flip)),
             ("FLIP 0.06, CPU s", of(self.close, &cpu)),
-            ("with samples", of(self.close, &samples)),
+            ("with samples", of(self.close, &Shown::samples)),
         ]
     }
 }
@@ -239,8 +249,15 @@ mod tests {
 
     #[test]
     fn a_scene_that_is_never_close_says_so() {
-        let shown = Shown { cpu_seconds: 1.25, seconds: 1.0, spp: 3, divisor: 2, flip: 0.1 };
-        let row = Viewport { scene: "a", denoised: true, whole: shown, in_time: Some(shown), close: None };
+        let shown = Shown { cpu_seconds: 1.25, seconds: 1.0, spp: 3, is_coarse: true, divisor: 2, flip: 0.1 };
+        let row = Viewport {
+            scene: "a",
+            denoised: true,
+            whole: shown,
+            in_time: Some(shown),
+            close: None,
+            frames: vec![shown],
+        };
         let cells: Vec<String> = row.cells().into_iter().map(|c| c.1).collect();
         assert_eq!(cells, ["a", "yes", "1.25", "0.100", "3 of 1/2 of the film's width", "0.100", "–", "–"]);
         assert_eq!(row.cells()[4].0, format!("samples in {} CPU s", SECONDS * CORES));

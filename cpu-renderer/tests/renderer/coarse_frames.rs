@@ -140,6 +140,9 @@ fn a_cancelled_coarse_frame_is_continued() {
     cancelled.cancel();
     let refused = renderer.coarse_frame(FRAMES[2], true, &cancelled);
     assert!(matches!(refused, Err(RenderError::Cancelled)), "{refused:?}");
+    let refused = renderer.guides(&cancelled);
+    assert!(matches!(refused, Err(RenderError::Cancelled)), "{refused:?}");
+    assert!(renderer.guides(&Job::new()).unwrap().is_some());
     assert!(renderer.coarse_frame(FRAMES[2], true, &Job::new()).unwrap().is_some());
     renderer.advance(Duration::from_secs(60), 3, &Job::new()).unwrap();
     assert_eq!(renderer.picture().unwrap(), plain(scene, 3).0);

@@ -39,11 +39,12 @@ mod guides;
 mod light;
 mod planes;
 mod shrink;
+mod upsample;
 mod welch;
 mod windows;
 
-use pumice_core::NoMemory;
 use pumice_core::reserve::reserved;
+use pumice_core::{Job, NoMemory};
 
 use crate::image::Image;
 use crate::metrics::Variance;
@@ -52,6 +53,7 @@ pub use guides::{GuideSurface, Guides};
 use light::Light;
 use planes::Means;
 use shrink::Shrinkage;
+pub use upsample::{Enlarged, upsampled};
 pub use welch::WelchTest;
 use windows::{FirstWindow, WideWindow, Window};
 
@@ -75,7 +77,21 @@ const ALBEDO_FLOOR: f32 = 0.01;
 /// # Errors
 /// [`NoMemory`] where there is none for 64 bytes a pixel.
 pub fn denoised(image: &Image, variance: Option<Variance<'_>>, guides: &Guides) -> Result<Image, NoMemory> {
-    denoised_with(image, variance, guides, wide_steps(image.width, image.height))
+    denoised_with(image, variance, guides, wide_steps(image.width, image.height), &Job::new())
+}
+
+/// As [`denoised`]; `None` soon after `job` is cancelled.
+///
+/// # Errors
+/// As [`denoised`].
+pub fn denoised_unless_cancelled(
+    image: &Image,
+    variance: Option<Variance<'_>>,
+    guides: &Guides,
+    job: &Job,
+) -> Result<Option<Image>, NoMemory> {
+    let smooth = denoised_with(image, variance, guides, wide_steps(image.width, image.height), job)?;
+    Ok((!job.is_cancelled()).then_some(smooth))
 }
 
 /// Pixels from one of a wide window to the next, of the second window and the third of a picture of this size; 0 where there is no third.
@@ -84,12 +100,13 @@ pub fn wide_steps(width: usize, height: usize) -> [usize; 2] {
     [second, if width.min(height) >= LEAST_SIDE { third } else { 0 }]
 }
 
-/// As [`denoised`], with wide windows of these steps.
+/// As [`denoised`], with wide windows of these steps. A picture of no use where `job` is cancelled.
 fn denoised_with(
     image: &Image,
     variance: Option<Variance<'_>>,
     guides: &Guides,
     [second, third]: [usize; 2],
+    job: &Job,
 ) -> Result<Image, NoMemory> {
     let unfit = variance.as_ref().is_some_and(|v| !guides.fit(v.of_mean));
     let mut pixels = reserved(image.pixels.len(), "denoiser: its picture")?;
@@ -100,13 +117,15 @@ fn denoised_with(
         let is_variance_known = variance.is_some();
         let mut light = Light::of(image, variance, guides)?;
         let mut first = Means::zeroes(guides.layout)?;
-        FirstWindow { guides, light: &light, test, is_variance_known }.find(&mut first);
+        FirstWindow { guides, light: &light, test, is_variance_known }.find(&mut first, job);
         let (test, takes_part) = (WelchTest::wide(), &light.takes_part);
         // The light is not needed any more, and its memory is.
-        WideWindow { guides, takes_part, from: &first, test, step: second }.find(&mut light.means);
+        WideWindow { guides, takes_part, from: &first, test, step: second }.find(&mut light.means, job);
         // With a step of 0 it is the mean of the pixel alone.
-        WideWindow { guides, takes_part, from: &light.means, test, step: third }.fill(&mut pixels);
-        if let Some(variance) = variance {
+        WideWindow { guides, takes_part, from: &light.means, test, step: third }.fill(&mut pixels, job);
+        if let Some(variance) = variance
+            && !job.is_cancelled()
+        {
             // The first window's means are not needed any more, and their memory is.
             let ([noise, ..], [change, ..]) = (first.mean, first.variance);
             let told = [image, variance];

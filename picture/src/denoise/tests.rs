@@ -76,12 +76,12 @@ impl Random {
 
 fn filtered((mean, variance): &(Image, Image), guides: &Guides) -> Image {
     let known = Variance { of_mean: variance, degrees_of_freedom: (CLASSES - 1) as f64 };
-    denoised_with(mean, Some(known), guides, WIDE_STEPS).unwrap()
+    denoised_with(mean, Some(known), guides, WIDE_STEPS, &Job::new()).unwrap()
 }
 
 /// Without what the test needs to know it accepts everything.
 fn untested((mean, _): &(Image, Image), guides: &Guides) -> Image {
-    denoised_with(mean, None, guides, WIDE_STEPS).unwrap()
+    denoised_with(mean, None, guides, WIDE_STEPS, &Job::new()).unwrap()
 }
 
 /// Mean square difference from the truth, over the pixels that `count`.
@@ -123,7 +123,7 @@ fn share_left(kernel: &[f64]) -> f64 {
 /// What windows find.
 fn means_of(window: &impl Window) -> Means {
     let mut means = Means::zeroes(window.layout()).unwrap();
-    window.find(&mut means);
+    window.find(&mut means, &Job::new());
     means
 }
 
@@ -358,7 +358,7 @@ fn the_wide_window_keeps_to_its_side_of_a_shadow_where_no_variance_is_known() {
         let mut image = mean.clone();
         let takes_part = &light.takes_part;
         WideWindow { guides: &guides, takes_part, from: &smooth, test, step: WIDE_STEPS[0] }
-            .fill(&mut image.pixels);
+            .fill(&mut image.pixels, &Job::new());
         error(&image, &truth, beside)
     };
     let noise = error(&mean, &truth, beside);
@@ -637,4 +637,19 @@ fn light_is_carried_over_between_pixels_that_an_edge_mixes_differently() {
         // Rounding of a quotient and a product in single precision.
         assert!(a.iter().zip(b).all(|(a, b)| (a - b).abs() < 1e-5), "{a:?} {b:?}");
     }
+}
+
+#[test]
+fn a_cancelled_picture_is_not_given() {
+    let truth = Truth { label: &|_, _| 1, light: &|x, _| x as f32, deviation: 1.0 };
+    let (guides, (mean, variance)) = (truth.guides(), truth.drawn(3));
+    let of = |job: &Job| {
+        let known = Variance { of_mean: &variance, degrees_of_freedom: (CLASSES - 1) as f64 };
+        denoised_unless_cancelled(&mean, Some(known), &guides, job).unwrap()
+    };
+    let cancelled = Job::new();
+    cancelled.cancel();
+    assert_eq!(of(&cancelled), None);
+    let known = Variance { of_mean: &variance, degrees_of_freedom: (CLASSES - 1) as f64 };
+    assert_eq!(of(&Job::new()), Some(denoised(&mean, Some(known), &guides).unwrap()));
 }

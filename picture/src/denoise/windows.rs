@@ -4,6 +4,7 @@
 //! compiled for processors with wider vectors too; no product and sum is fused, so all versions give the same bits.
 
 use multiversion::multiversion;
+use pumice_core::Job;
 use rayon::prelude::*;
 
 use super::guides::{Guides, likeness};
@@ -51,12 +52,16 @@ pub(super) trait Window: Sync {
     /// For the pixels from (x, y) to the right: the mean of the window, and its variance.
     fn mean_of(&self, x: usize, y: usize) -> ([Lanes; 3], [Lanes; 3]);
 
-    /// Finds the mean of each pixel that takes part; what lies elsewhere stays.
-    fn find(&self, means: &mut Means)
+    /// Finds the mean of each pixel that takes part; what lies elsewhere stays, and the rows that are left when `job` is cancelled.
+    fn find(&self, means: &mut Means, job: &Job)
     where
         Self: Sized,
     {
-        means.fill_rows(self.layout(), |y, row| row_of_means(self, y, row));
+        means.fill_rows(self.layout(), |y, row| {
+            if !job.is_cancelled() {
+                row_of_means(self, y, row);
+            }
+        });
     }
 }
 
@@ -188,10 +193,14 @@ impl Window for WideWindow<'_> {
 }
 
 impl WideWindow<'_> {
-    /// Replaces the colours of the pixels that take part.
-    pub(super) fn fill(&self, pixels: &mut [[f32; 3]]) {
+    /// Replaces the colours of the pixels that take part, except in the rows that are left when `job` is cancelled.
+    pub(super) fn fill(&self, pixels: &mut [[f32; 3]], job: &Job) {
         let width = self.guides.layout.width.max(1);
-        pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| fill_row(self, y, row));
+        pixels.par_chunks_mut(width).enumerate().for_each(|(y, row)| {
+            if !job.is_cancelled() {
+                fill_row(self, y, row);
+            }
+        });
     }
 
     #[inline(always)]

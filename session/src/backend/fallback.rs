@@ -244,8 +244,8 @@ impl Renderer for FallbackRenderer {
         self.ask_anew(|renderer| renderer.coarse_frame(size, guided, job))
     }
 
-    fn guides(&mut self) -> Result<Option<Guides>, RenderError> {
-        self.ask(|renderer| renderer.guides())
+    fn guides(&mut self, job: &Job) -> Result<Option<Guides>, RenderError> {
+        self.ask(|renderer| renderer.guides(job))
     }
 
     fn color(&mut self) -> Result<Image, RenderError> {

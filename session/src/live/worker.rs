@@ -6,12 +6,12 @@ use std::time::{Duration, Instant};
 
 use pumice_core::reserve::reserved;
 use pumice_core::{Job, NoMemory};
-use pumice_picture::denoise::denoised;
+use pumice_picture::denoise::{Enlarged, denoised_unless_cancelled, upsampled};
 use pumice_picture::film::variance_known;
-use pumice_picture::{Guides, Image, film_memory};
+use pumice_picture::{CoarsePixels, Guides, Image, film_memory};
 use pumice_scene::{Film, Passes};
 use pumice_transport::scene_plan::sums_of;
-use pumice_transport::{LoadedScene, Progress, Rebuilt, RenderError, Renderer};
+use pumice_transport::{CoarseFrame, LoadedScene, Progress, Rebuilt, RenderError, Renderer};
 
 use super::{Frame, LabelFilm, LiveState, MOST_NOTICES, Question, Shared, label_film};
 use crate::backend::FallbackRenderer;
@@ -79,7 +79,7 @@ struct Made {
 /// How far a picture has come when a frame of it is published.
 #[derive(Clone, Copy, PartialEq, Eq)]
 enum Stage {
-    /// It has fewer pixels than the film.
+    /// Only some pixels of the film have samples.
     Coarse,
     /// Samples follow.
     Refining,
@@ -254,7 +254,7 @@ impl Worker {
                     }
                     let progress = self.drawing().advance(Duration::ZERO, 1, job)?;
                     // If a device failure restarted the picture meanwhile, there is nothing to show yet.
-                    self.publish(view.revision, progress, clock, Stage::Coarse)?;
+                    self.publish(view, progress, Stage::Coarse)?;
                 }
             }
         }
@@ -282,7 +282,7 @@ impl Worker {
                     && last_published.elapsed() >= slice.max(2 * self.denoising));
             if done || (is_due && !is_behind) {
                 let stage = if done { Stage::Converged } else { Stage::Refining };
-                let begun_anew = !self.publish(view.revision, progress, clock, stage)?;
+                let begun_anew = !self.publish(view, progress, stage)?;
                 if begun_anew {
                     published_spp = 0;
                     continue;
@@ -350,21 +350,33 @@ impl Worker {
         self.drawing().set_scene(coarse.map_or(&view.whole, |place| &view.coarse[place]))
     }
 
-    /// Publishes the coarse frames that the renderer makes of the whole film. Their samples stay in it.
+    /// Publishes the coarse frames that the renderer makes of the whole film, and the last of them enlarged if it was denoised. Their samples stay
+    /// in the film.
     fn draw_coarse_frames(&mut self, view: &View<'_>) -> std::result::Result<(), RenderError> {
+        let progress = Progress { spp: 1, mean_spp: 1.0, error_estimate: f64::INFINITY, all_rest: false };
+        let mut last = None;
         for scene in &view.coarse {
             let Film { width, height, .. } = scene.scene().film;
             let denoise = self.denoise;
-            let Some(frame) = self.drawing().coarse_frame([width, height], denoise, view.job)? else {
+            let Some(CoarseFrame { color, alpha, guides }) =
+                self.drawing().coarse_frame([width, height], denoise, view.job)?
+            else {
                 return Ok(());
             };
-            let (image, filtered) = match &frame.guides {
-                Some(guides) => (denoised(&frame.color, None, guides)?, true),
-                None => (frame.color, false),
-            };
-            let progress = Progress { spp: 1, mean_spp: 1.0, error_estimate: f64::INFINITY, all_rest: false };
-            let made = Made { image, alpha: frame.alpha, filtered };
-            self.put(view.revision, progress, &view.clock, made, Stage::Coarse)?;
+            let image = guides.as_ref().map(|guides| smooth(&color, None, guides, view.job)).transpose()?;
+            let made = Made { filtered: image.is_some(), image: image.unwrap_or(color), alpha };
+            self.put(view, progress, &made, Stage::Coarse)?;
+            last = guides.map(|guides| (guides, made));
+        }
+        let Some((coarse, Made { image, alpha, filtered })) = last else { return Ok(()) };
+        self.find_guides(view.job)?;
+        let Some(fine) = &self.guides else { return Ok(()) };
+        let Film { width, height, .. } = view.whole.scene().film;
+        let pixels = CoarsePixels::new([width, height], [image.width as u32, image.height as u32]);
+        if let Some(Enlarged { color, alpha }) =
+            upsampled(&image, alpha.as_deref(), &pixels, [&coarse, fine])?
+        {
+            self.put(view, progress, &Made { image: color, alpha, filtered }, Stage::Coarse)?;
         }
         Ok(())
     }
@@ -373,7 +385,7 @@ impl Worker {
     ///
     /// # Errors
     /// [`RenderError::Restarted`] if a device failure restarted the film.
-    fn image(&mut self, denoise: bool) -> std::result::Result<(Image, bool), RenderError> {
+    fn image(&mut self, denoise: bool, job: &Job) -> std::result::Result<(Image, bool), RenderError> {
         if !denoise {
             return Ok((self.drawing().color()?, false));
         }
@@ -387,17 +399,12 @@ impl Worker {
             return Ok((smooth, true));
         }
         let image = self.drawing().color()?;
-        self.filtered(image)
+        self.filtered(image, job)
     }
 
     /// The picture that the processor denoised and `true`; the picture as it is and `false` if a device failure restarted the film meanwhile.
-    fn filtered(&mut self, image: Image) -> std::result::Result<(Image, bool), RenderError> {
-        if self.guides.is_none() {
-            self.guides = match self.drawing().guides() {
-                Err(RenderError::Restarted) => None,
-                guides => guides?,
-            };
-        }
+    fn filtered(&mut self, image: Image, job: &Job) -> std::result::Result<(Image, bool), RenderError> {
+        self.find_guides(job)?;
         let variance = match self.drawing().variance() {
             Err(RenderError::Restarted) => return Ok((image, false)),
             variance => variance?,
@@ -405,12 +412,23 @@ impl Worker {
         Ok(match &self.guides {
             Some(guides) if guides.fit(&image) => {
                 let start = Instant::now();
-                let smooth = denoised(&image, variance.as_ref().map(variance_known), guides)?;
+                let smooth = smooth(&image, variance.as_ref(), guides, job)?;
                 self.denoising = start.elapsed();
                 (smooth, true)
             }
             _ => (image, false),
         })
+    }
+
+    /// Asks for the guides of the film, unless they are there. None remain if a device failure restarted the film.
+    fn find_guides(&mut self, job: &Job) -> std::result::Result<(), RenderError> {
+        if self.guides.is_none() {
+            self.guides = match self.drawing().guides(job) {
+                Err(RenderError::Restarted) => None,
+                guides => guides?,
+            };
+        }
+        Ok(())
     }
 
     /// Answers the pick requests that came in, and updates the counters.
@@ -485,12 +503,11 @@ impl Worker {
     /// Publishes the picture so far as the newest frame; returns `false` if a device failure restarted it and there is nothing to show.
     fn publish(
         &mut self,
-        revision: u64,
+        view: &View<'_>,
         progress: Progress,
-        clock: &Stopwatch,
         stage: Stage,
     ) -> std::result::Result<bool, RenderError> {
-        let (image, filtered) = match self.image(self.denoise && stage != Stage::Converged) {
+        let (image, filtered) = match self.image(self.denoise && stage != Stage::Converged, view.job) {
             Err(RenderError::Restarted) => return Ok(false),
             made => made?,
         };
@@ -498,21 +515,20 @@ impl Worker {
             Err(RenderError::Restarted) => return Ok(false),
             alpha => alpha?,
         };
-        self.put(revision, progress, clock, Made { image, alpha, filtered }, stage)?;
+        self.put(view, progress, &Made { image, alpha, filtered }, stage)?;
         Ok(true)
     }
 
     /// Makes a picture the newest frame.
     fn put(
         &self,
-        revision: u64,
+        view: &View<'_>,
         progress: Progress,
-        clock: &Stopwatch,
-        made: Made,
+        made: &Made,
         stage: Stage,
     ) -> std::result::Result<(), RenderError> {
         let Made { image, alpha, filtered } = made;
-        let rgba = rows_from_bottom(&image, alpha.as_deref())?;
+        let rgba = rows_from_bottom(image, alpha.as_deref())?;
         let mut board = self.shared.board();
         let serial = board.frame.as_ref().map_or(0, |f| f.serial) + 1;
         *board.counters.entry("frames".into()).or_default() += 1;
@@ -521,17 +537,30 @@ impl Worker {
             height: image.height as u32,
             rgba,
             serial,
-            revision,
+            revision: view.revision,
             spp: progress.spp,
             error_estimate: progress.error_estimate,
-            seconds: clock.seconds(),
-            cpu_seconds: clock.cpu_seconds(),
+            seconds: view.clock.seconds(),
+            cpu_seconds: view.clock.cpu_seconds(),
             coarse: stage == Stage::Coarse,
-            filtered,
+            filtered: *filtered,
             converged: stage == Stage::Converged,
         }));
         Ok(())
     }
+}
+
+/// The picture, denoised on the processor.
+///
+/// # Errors
+/// [`RenderError::Cancelled`] soon after `job` is cancelled; [`RenderError::Memory`].
+fn smooth(
+    image: &Image,
+    variance: Option<&Image>,
+    guides: &Guides,
+    job: &Job,
+) -> std::result::Result<Image, RenderError> {
+    denoised_unless_cancelled(image, variance.map(variance_known), guides, job)?.ok_or(RenderError::Cancelled)
 }
 
 /// Counts of what was built, by name.

@@ -537,6 +537,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "picture/src/denoise/mod.rs",
         &[
             ("denoised", "launches the steps; vulkan-renderer/src/denoise.rs on a device"),
+            ("denoised_unless_cancelled", "launches the steps; vulkan-renderer/src/denoise.rs on a device"),
             ("denoised_with", "launches the steps; vulkan-renderer/src/denoise.rs on a device"),
             ("wide_steps", "prepared before a picture is denoised"),
         ],
