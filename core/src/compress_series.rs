@@ -146,7 +146,8 @@ fn difference(first: &VolumeInfo, this: &VolumeInfo) -> Option<String> {
         return named("voxels", text(first.dims), text(this.dims));
     }
     if this.label_type != first.label_type {
-        return named("label type", format!("{:?}", first.label_type), format!("{:?}", this.label_type));
+        let [expected, got] = [first, this].map(|info| format!("{:?}", info.label_type).to_lowercase());
+        return named("label type", expected, got);
     }
     if this.spacing() != first.spacing() {
         return named("spacing", format!("{:?}", first.spacing()), format!("{:?}", this.spacing()));

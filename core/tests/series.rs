@@ -295,7 +295,7 @@ fn frames_that_differ_are_refused() {
         ),
         (
             |t, info| info.label_type = if t == 1 { LabelType::U8 } else { LabelType::U32 },
-            "frame_1.tif: label type: expected U32, got U8, as frame_0.tif has",
+            "frame_1.tif: label type: expected u32, got u8, as frame_0.tif has",
         ),
         (
             |t, info| info.world_from_index.matrix3.z_axis.z = if t == 1 { 2.5 } else { 1.0 },

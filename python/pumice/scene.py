@@ -138,7 +138,7 @@ def figure(
 
     `size`: pixels across and down.
     `labels`, `query`: what is shown; without them all labels. `pick`: the number of long labels to choose, of those that `query` matches.
-    `color`: `{17: "#e0a030", "type:axon": "#26c"}`, colours as on a screen. `material`: `plastic`, `metal`, `ghost` or `glass` for all, or a
+    `color`: `{17: "#e0a030", "type:axon": "orange"}`, colours of CSS, as on a screen. `material`: `plastic`, `metal`, `ghost` or `glass` for all, or a
     dict of them by selector; the selector `*` is all. Later entries count. A selector that matches only labels that are not shown is an
     InputError.
     `background`: `white`, `black`, `transparent` or a colour, exactly that in a PNG. `floor`: a floor that shows only shadows.

@@ -71,7 +71,7 @@ def test_the_other_keywords_set_their_fields(blocks):
         ({"labels": ["axn"]}, "labels: no label of the volume matches axn"),
         ({"labels": [5], "query": "fibre"}, "not both"),
         ({"color": {5: (1, 0, 0)}}, "color: expected a text"),
-        ({"color": {5: "red"}}, "color: expected a colour such as #e0a030, got red"),
+        ({"color": {5: "reddish"}}, "color: expected a colour such as #e0a030 or orange, got reddish"),
         ({"color": {-1: "#fff"}}, "color: expected 0 to"),
         ({"material": {"axn": "glass"}}, "material: no label of the volume matches axn"),
         ({"material": "gold"}, "material: expected plastic, metal, ghost, glass, got gold"),

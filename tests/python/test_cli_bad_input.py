@@ -512,6 +512,13 @@ def test_a_negative_number_is_a_value_of_its_option(pumice, option):
     assert "minus sign" in run(pumice, "render", "a", "-o", "b.png", "--size", "-1x10").refused()
 
 
+def test_more_threads_than_any_machine_has_are_refused(pumice, tmp_path):
+    for command in (["render", "a", "-o", "b.png"], ["compress", "a", "-o", "b.pumice"], ["merge", "a", "-o", "b.pumice"]):
+        assert "1025 is not in 1..=1024" in run(pumice, *command, "--threads", "1025").refused()
+        # A control: the file is what is wrong.
+        assert "No such file" in run(pumice, *command, "--threads", "1024").refused()
+
+
 def test_a_picture_of_nothing_says_so(pumice, tmp_path):
     small = ["-o", tmp_path / "o.png", "--size", "8x8", "--spp", 1, "--backend", "cpu"]
     for value in (0, 1):

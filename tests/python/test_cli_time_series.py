@@ -14,6 +14,7 @@ import pytest
 import tifffile
 import zarr
 from command import run
+from PIL import Image
 
 STEPS, SHAPE = 6, (20, 24, 40)
 
@@ -160,6 +161,26 @@ def test_pictures_of_time_steps_and_colours_that_stay(pumice, sources, tmp_path)
     assert run(pumice, "compare", tmp_path / "n_0001.exr", names[2], "--max-rel-mse", "1e-30").code == 0
     run(pumice, "render", "--again", names[2], "-o", tmp_path / "again.exr", "--backend", "cpu").fine()
     assert run(pumice, "compare", tmp_path / "again.exr", names[2], "--max-rel-mse", "1e-30").code == 0
+
+
+def test_steps_without_what_is_shown_are_drawn(pumice, tmp_path):
+    """A cell that is born late: before, its picture is empty, and the whole volume is framed."""
+    early, late = np.zeros((2, 10, 10, 10), np.uint8)
+    early[2:4, 2:4, 2:4], late[5:8, 5:8, 5:8] = 1, 2
+    for number, labels in enumerate((early, late, early * 0)):
+        np.save(tmp_path / f"v{number}.npy", labels)
+    a = tmp_path / "a.pumice"
+    run(pumice, "compress", tmp_path / "v{t}.npy", "--axes", "zyx", "--spacing", "1,1,1", "-o", a).fine()
+    options = ["--size", "48x32", "--spp", "2", "--backend", "cpu"]
+    for more in ([], ["--distance", "25"], ["--floor"], ["--legend", "--dpi", "20"], ["--cut", "z=0.9"]):
+        done = run(pumice, "render", a, "--time-steps", "all", "--labels", "2", *options, *more, "-o", tmp_path / "m.png")
+        assert done.code == 0, done
+        first, second, third = [np.asarray(Image.open(tmp_path / f"m_{number:04}.png")) for number in (1, 2, 3)]
+        assert (first == third).all() and (first != second).any(), more
+    done = run(pumice, "render", a, "--time-step", "2", *options, "-o", tmp_path / "e.png")
+    assert done.code == 0 and "nothing is shown" in done.err, done
+    done = run(pumice, "render", a, "--time-step", "1", *options, "-o", tmp_path / "f.png")
+    assert done.code == 0 and "nothing is shown" not in done.err, done
 
 
 def refused(pumice, *arguments):

@@ -4,6 +4,10 @@ use clap::Args;
 use pumice_session::{Annotations, Corner, DEFAULT_DPI, ScaleBar, pixels_of_mm};
 
 use super::values::positive;
+use crate::failure::Failure;
+
+/// Most pixels of a picture across.
+const MOST_PIXELS: f64 = 65_536.0;
 
 /// Size on paper, scale bar, legend.
 #[derive(Debug, Args)]
@@ -53,8 +57,18 @@ impl AnnotationArgs {
     }
 
     /// Pixels across that the width on paper asks for.
-    pub(crate) fn width(&self) -> Option<u32> {
+    ///
+    /// # Errors
+    /// When no picture is so wide.
+    pub(crate) fn width(&self) -> Result<Option<u32>, Failure> {
+        let Some(mm) = self.width_mm else { return Ok(None) };
         let dpi = self.dpi.unwrap_or(DEFAULT_DPI);
-        self.width_mm.map(|mm| pixels_of_mm(mm, dpi) as u32)
+        let pixels = pixels_of_mm(mm, dpi);
+        match pixels {
+            1.0..=MOST_PIXELS => Ok(Some(pixels as u32)),
+            _ => Err(Failure::new(format!(
+                "--width-mm: {mm} mm at {dpi} dpi are {pixels:.0} pixels, expected 1 to {MOST_PIXELS}"
+            ))),
+        }
     }
 }

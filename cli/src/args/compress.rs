@@ -7,6 +7,7 @@ use pumice_session::values::bytes;
 use pumice_session::{ChunkSet, TimeSteps};
 
 use super::Reading;
+use super::values::threads;
 
 /// Compress a label volume, or a time series of them, losslessly into a .pumice file
 ///
@@ -36,7 +37,8 @@ pub(crate) struct Compress {
     /// Keep finished chunks in the folder OUT.pumice.parts until all are done, and go on with those that are there
     ///
     /// After an interrupt the same command goes on and gives the same file; the folder is removed at the end. Of compressed TIFF, whole layers of
-    /// chunks are kept; of a time series, chunks at all time steps. A compressed stream can only be read from its beginning and is refused.
+    /// chunks are kept; of a time series, chunks at all time steps. What only reads from its beginning, such as a gzip stream, is read again up to
+    /// the first chunk that is missing.
     #[arg(long)]
     pub(crate) resume: bool,
     /// Remove what an interrupted compression left in OUT.pumice.parts, then begin anew as with --resume
@@ -46,7 +48,7 @@ pub(crate) struct Compress {
     #[arg(long, value_name = "REPORT")]
     pub(crate) json: Option<PathBuf>,
     /// Number of threads; default: all cores. The result does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = threads())]
     pub(crate) threads: Option<u16>,
     /// Memory to work with, in bytes or with K, M, G, KiB, MiB, GiB (powers of 1024); what does not fit goes to temporary files
     ///

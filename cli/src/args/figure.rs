@@ -50,11 +50,11 @@ pub(crate) struct Figure {
     /// Draw only N labels that make a good figure, of all or of those of --query: long, thin ones first
     #[arg(long, value_name = "N", value_parser = clap::value_parser!(u32).range(1..))]
     pick: Option<u32>,
-    /// Colour of labels: 17=#e0a030, type:axon=#26c, 'voxels>1000=#333'; repeatable, later ones count
+    /// Colour of labels, as CSS has them: 17=#e0a030, type:axon=orange, 'voxels>1000=#333'; repeatable, later ones count
     ///
     /// On the left is an id or a query line (see --query), behind the last = a colour as on a screen. The brightest faces show it under the
     /// default light
-    #[arg(long, value_name = "SELECTOR=#RRGGBB", value_parser = LabelColor::parse, allow_hyphen_values = true)]
+    #[arg(long, value_name = "SELECTOR=COLOR", value_parser = LabelColor::parse, allow_hyphen_values = true)]
     color: Vec<LabelColor>,
     /// Material of all labels or, as SELECTOR=NAME, of some: plastic, metal, ghost, glass; repeatable, later ones count
     ///

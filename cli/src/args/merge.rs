@@ -6,6 +6,7 @@ use clap::Args;
 use pumice_session::values::bytes;
 
 use super::CompressionLevel;
+use super::values::threads;
 
 /// Join the parts of a volume or of a time series, made by `pumice compress --chunks`, into a .pumice file
 ///
@@ -35,7 +36,7 @@ pub(crate) struct Merge {
     #[arg(long, value_name = "REPORT")]
     pub(crate) json: Option<PathBuf>,
     /// Number of threads; default: all cores. The result does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = threads())]
     pub(crate) threads: Option<u16>,
     /// Memory to work with, in bytes or with K, M, G, KiB, MiB, GiB (powers of 1024); what does not fit goes to temporary files
     ///

@@ -9,7 +9,7 @@ use pumice_session::{DenoiserName, TimeSteps};
 use super::Reading;
 use super::annotations::AnnotationArgs;
 use super::figure::{Figure, NOT_AGAIN};
-use super::values::{layer_file, positive, relative};
+use super::values::{layer_file, positive, relative, threads};
 
 /// Path trace a volume or a scene
 ///
@@ -113,7 +113,7 @@ pub(crate) struct Render {
     #[arg(long, value_enum, value_name = "VIEW")]
     pub(crate) view_transform: Option<ViewArg>,
     /// Number of threads; default: all cores. The picture does not depend on it
-    #[arg(long, value_name = "N", value_parser = clap::value_parser!(u16).range(1..))]
+    #[arg(long, value_name = "N", value_parser = threads())]
     pub(crate) threads: Option<u16>,
     /// Draw from disk, with at most this much of the volumes in memory: in bytes or with K, M, G, KiB, MiB, GiB (powers of 1024)
     ///

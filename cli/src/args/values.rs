@@ -2,6 +2,8 @@
 
 use std::path::PathBuf;
 
+use clap::builder::RangedI64ValueParser;
+
 use pumice_session::LabelTableFormat;
 use pumice_session::values::numbers;
 
@@ -35,6 +37,14 @@ pub(super) fn layer_file(text: &str) -> Result<(String, PathBuf), String> {
         Some((name, path)) if !name.is_empty() && !path.is_empty() => Ok((name.into(), path.into())),
         _ => Err("expected NAME=PATH, e.g. neurons=cortex.pumice".into()),
     }
+}
+
+/// Most threads that are accepted: more than any machine has, because each is started.
+const MOST_THREADS: i64 = 1024;
+
+/// A number of threads.
+pub(super) fn threads() -> RangedI64ValueParser<u16> {
+    clap::value_parser!(u16).range(1..=MOST_THREADS)
 }
 
 /// A number above 0.

@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
         passes: args.passes.clone(),
         overrides: RenderOverrides {
             size: args.size,
-            width: args.annotate.width(),
+            width: args.annotate.width()?,
             bounces: args.bounces,
             mode: args.mode.map(|m| match m {
                 RenderMode::Path => pumice_session::Mode::Path,

@@ -78,7 +78,7 @@ pub fn scale_bar_marks(paper: &Paper, corner: Corner, length: f64, said: &str) -
     let left_of = |wide: f64| if corner.is_left() { margin } else { paper.width - margin - wide };
     if width > room || top - gap - text::CAPITAL * size < 0.0 || top + thickness > paper.height {
         return Err(format!(
-            "its text {said:?} does not fit a picture of {:.0} × {:.0} pixels at {:.0} dpi",
+            "its text {said:?} does not fit a picture of {:.0} × {:.0} pixels at {:.0} dpi; a lower number of dpi makes it smaller",
             paper.width, paper.height, paper.dpi
         ));
     }

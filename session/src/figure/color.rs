@@ -1,24 +1,23 @@
-//! Colours as flags write them: `#e0a030`, `#fff`, `white`.
+//! Colours as flags and states of Neuroglancer write them, those of CSS: `#e0a030`, `#fff`, `white`, `rgb(224 160 48)`.
 
 use pumice_picture::metrics::display::linear_from_srgb;
 
 use super::selector::Selector;
 
-/// Parses a display colour, `#rrggbb` or `#rgb`: sRGB-encoded channels from 0 to 1.
+/// Parses a display colour as CSS has them: sRGB-encoded channels from 0 to 1.
 ///
 /// # Errors
-/// The expected form, if `text` has another.
-pub fn hex_color(text: &str) -> Result<[f32; 3], String> {
-    let wrong = || format!("expected a colour such as #e0a030, got {text}");
-    let digits = text.strip_prefix('#').ok_or_else(wrong)?;
-    let nibbles: Vec<u32> =
-        digits.chars().map(|c| c.to_digit(16)).collect::<Option<_>>().ok_or_else(wrong)?;
-    let bytes: [u32; 3] = match nibbles[..] {
-        [r, g, b] => [17 * r, 17 * g, 17 * b],
-        [r, s, g, h, b, c] => [16 * r + s, 16 * g + h, 16 * b + c],
-        _ => return Err(wrong()),
-    };
-    Ok(bytes.map(|byte| byte as f32 / 255.0))
+/// The expected form, if `text` has another, or if the colour is not opaque.
+pub fn css_color(text: &str) -> Result<[f32; 3], String> {
+    let wrong = || format!("expected a colour such as #e0a030 or orange, got {text}");
+    // The parser takes hexadecimal digits alone for a colour, as CSS does not.
+    if text.chars().all(|c| c.is_ascii_hexdigit()) {
+        return Err(wrong());
+    }
+    let color = csscolorparser::parse(text).map_err(|_| wrong())?;
+    let channels = [color.r, color.g, color.b];
+    let is_sound = color.a >= 1.0 && channels.iter().all(|c| c.is_finite());
+    if is_sound { Ok(channels.map(|c| c.clamp(0.0, 1.0))) } else { Err(wrong()) }
 }
 
 /// The linear Rec. 709 colour of a display colour, each channel from 0 to 1.
@@ -36,15 +35,15 @@ pub struct LabelColor {
 }
 
 impl LabelColor {
-    /// Parses a selector, `=` and a colour. The last `=` of the text counts, because selectors may have some.
+    /// Parses a selector, `=` and a [colour](css_color). The last `=` of the text counts, because selectors may have some.
     ///
     /// # Errors
     /// The expected form, if `text` has another.
     pub fn parse(text: &str) -> Result<Self, String> {
         let (selector, color) = text
             .rsplit_once('=')
-            .ok_or_else(|| format!("expected SELECTOR=#RRGGBB, e.g. 17=#e0a030, got {text}"))?;
-        Ok(Self { color_srgb: hex_color(color)?, selector: Selector::parse(selector)? })
+            .ok_or_else(|| format!("expected SELECTOR=COLOR, e.g. 17=#e0a030, got {text}"))?;
+        Ok(Self { color_srgb: css_color(color)?, selector: Selector::parse(selector)? })
     }
 }
 
@@ -58,17 +57,15 @@ pub enum Background {
 }
 
 impl Background {
-    /// Parses `white`, `black`, `transparent` or a colour such as `#e0a030`.
+    /// Parses `transparent` or a [colour](css_color).
     ///
     /// # Errors
     /// The expected form, if `text` has another.
     pub fn parse(text: &str) -> Result<Self, String> {
         match text {
             "transparent" => Ok(Self::Transparent),
-            "white" => Ok(Self::Color([1.0; 3])),
-            "black" => Ok(Self::Color([0.0; 3])),
-            _ => hex_color(text).map(Self::Color).map_err(|_| {
-                format!("expected white, black, transparent or a colour such as #e0a030, got {text}")
+            _ => css_color(text).map(Self::Color).map_err(|_| {
+                format!("expected transparent, white or another colour such as #e0a030, got {text}")
             }),
         }
     }
@@ -80,14 +77,29 @@ mod tests {
 
     #[test]
     fn colors_are_read_or_refused() {
-        assert_eq!(hex_color("#ff0033").unwrap(), [1.0, 0.0, 0.2]);
-        assert_eq!(hex_color("#F03").unwrap(), [1.0, 0.0, 0.2]);
-        for bad in ["ff0033", "#ff003", "#ff00334", "#gg0000", "#", "", "red", "#é00"] {
-            assert!(hex_color(bad).unwrap_err().contains("such as #e0a030"), "{bad}");
+        let eight_bits = |text| css_color(text).map(|of| of.map(|c| (255.0 * c).round() as u8));
+        for (text, color) in [
+            ("#ff0033", [255, 0, 51]),
+            ("#F03", [255, 0, 51]),
+            ("#ff0033ff", [255, 0, 51]),
+            ("red", [255, 0, 0]),
+            ("RebeccaPurple", [102, 51, 153]),
+            ("rgb(0,255,64)", [0, 255, 64]),
+            ("rgb(0% 100% 50% / 1)", [0, 255, 128]),
+            ("hsl(120, 100%, 25%)", [0, 128, 0]),
+        ] {
+            assert_eq!(eight_bits(text), Ok(color), "{text}");
+        }
+        let opaque = ["transparent", "#ff003380", "rgba(1, 2, 3, 0.5)"];
+        let wrong =
+            ["ff0033", "fff", "#ff003", "#ff00334", "#gg0000", "#", "", "reddish", "#é00", "rgb(NaN,0,0)"];
+        for bad in wrong.into_iter().chain(opaque) {
+            assert!(css_color(bad).unwrap_err().contains("such as #e0a030"), "{bad}");
         }
         assert_eq!(Background::parse("white"), Ok(Background::Color([1.0; 3])));
         assert_eq!(Background::parse("transparent"), Ok(Background::Transparent));
-        assert!(Background::parse("grey").unwrap_err().ends_with("got grey"));
+        assert_eq!(Background::parse("black"), Ok(Background::Color([0.0; 3])));
+        assert!(Background::parse("greyish").unwrap_err().ends_with("got greyish"));
     }
 
     #[test]

@@ -240,7 +240,9 @@ impl FigureFlags {
 
         // A cut that leaves nothing of them would give an empty picture.
         let shown = labels.clone().unwrap_or_else(held);
-        if !self.cut.is_empty() && bounds_of(volume, &shown, &self.cut).is_none() {
+        // (At a time step of a series there may be nothing before the cut.)
+        let left = |cut| bounds_of(volume, &shown, cut).is_some();
+        if !self.cut.is_empty() && !left(&self.cut[..]) && left(&[]) {
             return Err("cut: nothing is left of the labels that are shown".into());
         }
 

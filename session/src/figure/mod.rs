@@ -31,7 +31,7 @@ use pumice_scene::{Film, Filter, Instance, LabelStyle, Reading, SCENE_VERSION, S
 
 pub use axis_cut::AxisCut;
 pub(crate) use color::linear;
-pub use color::{Background, LabelColor, hex_color};
+pub use color::{Background, LabelColor, css_color};
 pub use flags::{FigureFlags, distance, view};
 pub use framing::FrameOn;
 pub use lens::{FocusOn, Lens, Opening, SharpAt};
@@ -112,10 +112,12 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
     let chosen: Option<Vec<u32>> = options.labels.clone().or_else(|| (!volume.is_whole()).then(held));
     let shown: Vec<u32> = chosen.clone().unwrap_or_else(held);
     let whole = [DVec3::ZERO, DVec3::from_array(info.dims.map(f64::from))];
-    let framed = match options.frame {
-        FrameOn::Volume => whole,
-        FrameOn::Labels => bounds_of(volume, &shown, &options.cuts).unwrap_or(whole),
+    // At a time step of a series labels may be shown that have no voxel there.
+    let of_labels = match options.frame {
+        FrameOn::Volume => None,
+        FrameOn::Labels => bounds_of(volume, &shown, &options.cuts),
     };
+    let framed = of_labels.unwrap_or(whole);
 
     // Place it in the world: rotate, scale, centre.
     let turn = if info.frame == WorldFrame::Unknown {
@@ -152,8 +154,7 @@ pub fn compose(volume: &CompressedVolume, source: PathBuf, options: &FigureOptio
         show_corners(&mut lowest);
         lowest.0
     });
-    let frames_boxes =
-        options.frame == FrameOn::Labels && lowest.map_or(is_shown.contains(&true), f64::is_finite);
+    let frames_boxes = of_labels.is_some() && lowest.is_none_or(f64::is_finite);
     // What falls on the floor belongs to the picture.
     let key = light::key(&camera_axes(toward_camera(options.view_deg)));
     let shadows = if options.floor { shadows_of(corners(framed).map(to_world), &key) } else { Vec::new() };

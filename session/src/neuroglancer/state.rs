@@ -13,7 +13,7 @@ use serde_json::Value;
 
 use super::source::{local_path, unescaped};
 use crate::error::SessionError;
-use crate::figure::hex_color;
+use crate::figure::css_color;
 
 /// Largest file that is looked at, as large as the largest scene: whether a file is a state or a scene shows only inside.
 const MOST_BYTES: u64 = 1 << 29;
@@ -131,7 +131,8 @@ impl State {
             None => {
                 match String::from_utf8(pumice_core::read_input(path, MOST_BYTES).map_err(|e| e.to_string())?)
                 {
-                    Ok(text) => text,
+                    // Editors of Windows put a byte order mark before a text.
+                    Ok(text) => text.strip_prefix('\u{FEFF}').map(str::to_owned).unwrap_or(text),
                     Err(_) => return Ok(None),
                 }
             }
@@ -150,10 +151,39 @@ pub(super) fn link(text: &str) -> Option<&str> {
 fn state_of_link(part: &str) -> Result<String, String> {
     let text = unescaped(part).ok_or("link: expected Unicode behind #!")?;
     if text.trim_start().starts_with('{') {
-        return Ok(text);
+        return Ok(json_of_link(&text));
     }
     let short: String = text.chars().take(80).collect();
     Err(format!("link: the state lies on a server, at {short}: save it as JSON, and give the file"))
+}
+
+/// The JSON of the text in a link. There a comma may be an underscore, and strings may have single quotes, because browsers escape the other
+/// characters. JSON stays as it is.
+fn json_of_link(text: &str) -> String {
+    let mut json = String::with_capacity(text.len());
+    let mut quote = None;
+    let mut characters = text.chars();
+    while let Some(c) = characters.next() {
+        match (quote, c) {
+            (None, '_') => json.push(','),
+            (None, '"' | '\'') => {
+                quote = Some(c);
+                json.push('"');
+            }
+            (Some(open), _) if c == open => {
+                quote = None;
+                json.push('"');
+            }
+            (Some(_), '"') => json.push_str("\\\""),
+            // JSON has no escape for a single quote.
+            (Some(_), '\\') => match characters.next() {
+                Some('\'') => json.push('\''),
+                escaped => json.extend(['\\'].into_iter().chain(escaped)),
+            },
+            _ => json.push(c),
+        }
+    }
+    json
 }
 
 /// A JSON object whose members keep their order.
@@ -342,7 +372,7 @@ fn metres_of(unit: &str) -> Result<f64, String> {
 }
 
 fn color(field: &str, text: &str) -> Result<[f32; 3], String> {
-    hex_color(text).map_err(|e| format!("{field}: {e}"))
+    css_color(text).map_err(|e| format!("{field}: {e}"))
 }
 
 fn layers(raw: Value, left_out: &mut Vec<String>) -> Result<Vec<Layer>, String> {
@@ -516,5 +546,21 @@ mod tests {
         let elsewhere = State::parse(&layer(r#", "source": "ftp://a""#)).unwrap();
         let error = elsewhere.sources(Path::new("/")).unwrap_err().to_string();
         assert!(error.contains(r"layer a\nb: ftp://a"), "{error}");
+    }
+
+    /// The notation of older links: what each character becomes, and JSON as it is.
+    #[test]
+    fn links_may_have_single_quotes_and_underscores() {
+        for (text, json) in [
+            (r"{'a_b':['1'_'2']_'c':{}}", r#"{"a_b":["1","2"],"c":{}}"#),
+            (r#"{'it\'s':'\"\n"'}"#, r#"{"it's":"\"\n\""}"#),
+            (r#"{"a_'b": ["\"_\\", 1], "c": "é"}"#, r#"{"a_'b": ["\"_\\", 1], "c": "é"}"#),
+            ("{'open", "{\"open"),
+        ] {
+            assert_eq!(json_of_link(text), json);
+        }
+        let old = "https://h/#!{'layers':{'s':{'type':'segmentation'_'source':'a.zarr'_'segments':['7'_'9']}}_'layout':'3d'}";
+        let state = State::parse(old).unwrap();
+        assert_eq!(state.layers[0].segments.keys().copied().collect::<Vec<_>>(), [7, 9]);
     }
 }

@@ -46,12 +46,13 @@ pub(super) fn prepare(request: &RenderRequest, denoise: Option<Filter>, job: &Jo
     }
 }
 
-/// Whether a scene has volumes, and neither a label that is shown nor a mesh.
+/// Whether a scene has volumes, and neither a label with a voxel that is shown nor a mesh.
 fn shows_nothing(opened: &OpenedScene) -> bool {
     let OpenedScene { scene, volumes, meshes } = opened;
     let mut instances = scene.instances.iter().zip(volumes);
     let is_hidden = |(instance, volume): (&Instance, &Arc<CompressedVolume>)| {
-        !instance.style.show.among(volume.labels().ids()).contains(&true)
+        let shown = instance.style.show.among(volume.labels().ids());
+        !shown.iter().zip(volume.labels().voxels()).any(|(&is_shown, &voxels)| is_shown && voxels > 0)
     };
     !volumes.is_empty() && meshes.is_empty() && instances.all(is_hidden)
 }
