@@ -60,7 +60,8 @@ class Frame:
     @property
     def coarse(self, /) -> bool:
         """
-        Whether it has fewer pixels than the film, as the first frames after an edit do.
+        Whether only some of the film's pixels have a sample, as in the first frames after an edit: it has fewer pixels than the film, or is
+        enlarged from one that has.
         """
     @property
     def converged(self, /) -> bool:

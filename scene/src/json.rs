@@ -18,6 +18,7 @@ impl Scene {
     pub fn from_json(text: &str) -> Result<Self, SceneError> {
         // The version is checked first: a scene of another version may have fields that this version does not know.
         #[derive(Deserialize)]
+        #[serde(expecting = "an object with the fields of a scene")]
         struct Versioned {
             version: u64,
         }
@@ -119,9 +120,26 @@ pub(crate) fn parsed<T: serde::de::DeserializeOwned>(text: &str) -> Result<T, Sc
     let text = text.strip_prefix('\u{FEFF}').unwrap_or(text);
     let mut reader = serde_json::Deserializer::from_str(text);
     let value = serde_path_to_error::deserialize(&mut reader)
-        .map_err(|error| SceneError::json(&error.path().to_string(), error.inner()))?;
+        .map_err(|error| told(text, &error.path().to_string(), error.inner()))?;
     reader.end().map_err(|error| SceneError::json(".", &error))?;
     Ok(value)
+}
+
+/// What is wrong with a text. Python writes numbers that JSON does not have, and no parser says so.
+fn told(text: &str, path: &str, error: &serde_json::Error) -> SceneError {
+    let told = SceneError::json(path, error);
+    let line = text.lines().nth(error.line().saturating_sub(1)).unwrap_or_default();
+    // The column counts bytes from 1 and is that of the first unexpected one, which stands behind a sign.
+    let at = error.column().saturating_sub(1);
+    let sign = at.saturating_sub(1);
+    let at = if line.as_bytes().get(sign) == Some(&b'-') { sign } else { at };
+    let rest = line.get(at..).unwrap_or_default();
+    match (told, ["NaN", "Infinity", "-Infinity"].iter().find(|&word| rest.starts_with(word))) {
+        (SceneError::Json { field, line, column, .. }, Some(word)) => {
+            SceneError::Json { field, line, column, what: format!("{word} is no number of JSON") }
+        }
+        (told, _) => told,
+    }
 }
 
 /// The folder that a file is in, as an absolute path.

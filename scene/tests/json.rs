@@ -281,3 +281,24 @@ fn a_byte_order_mark_is_skipped() {
     assert_eq!(Scene::from_json(&format!("\u{FEFF}{text}")).unwrap(), scene);
     assert!(Scene::from_json(&format!("\u{FEFF}\u{FEFF}{text}")).is_err());
 }
+
+#[test]
+fn what_is_no_scene_or_no_number_is_told() {
+    for text in ["[]", "null", "3", "\"a\""] {
+        let line = Scene::from_json(text).unwrap_err().to_string();
+        assert!(line.contains("expected an object with the fields of a scene"), "{line}");
+        assert!(!line.contains("struct"), "{line}");
+    }
+    let good = full_scene().to_json().unwrap();
+    let field = "\"shadow_fade\": ";
+    let at = good.find(field).unwrap() + field.len();
+    let end = at + good[at..].find([',', '\n']).unwrap();
+    for word in ["NaN", "Infinity", "-Infinity"] {
+        let line =
+            Scene::from_json(&format!("{}{word}{}", &good[..at], &good[end..])).unwrap_err().to_string();
+        assert!(line.contains(&format!("{word} is no number of JSON")), "{line}");
+    }
+    // A control: another word.
+    let line = Scene::from_json(&format!("{}none{}", &good[..at], &good[end..])).unwrap_err().to_string();
+    assert!(!line.contains("no number"), "{line}");
+}

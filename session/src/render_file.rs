@@ -6,6 +6,7 @@
 //! ```
 
 mod again;
+mod blank;
 mod hashed_files;
 pub(crate) mod open_scene;
 mod overrides;
@@ -119,6 +120,11 @@ pub fn render_file(
         laid_out.apply(&mut rendered);
         rendered.figures.opening_seconds = Some(opening_seconds);
         rendered.figures.notices.extend(notices);
+        let source = match &request.subject {
+            Subject::File(path) => path,
+            Subject::Again(picture) => picture,
+        };
+        rendered.figures.notices.extend(blank::notice(&scene, &rendered.picture, source));
         if request.explain {
             // Measure on the backend that drew the picture: `auto` may have fallen back to another.
             let drew = if backend == "auto" { rendered.figures.backend.clone() } else { backend.clone() };

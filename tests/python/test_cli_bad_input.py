@@ -525,6 +525,13 @@ def test_a_picture_of_nothing_says_so(pumice, tmp_path):
         np.save(tmp_path / "a.npy", np.full((4, 5, 6), value, np.uint8))
         done = run(pumice, "render", tmp_path / "a.npy", "--axes", "xyz", *small)
         assert done.code == 0 and ("a.npy: nothing is shown" in done.err) == (value == 0), done
+    # The last one, seen past: a camera that looks beside it.
+    run(pumice, "render", tmp_path / "a.npy", "--axes", "xyz", *small, "--save-scene", tmp_path / "s.json").fine()
+    scene = json.loads((tmp_path / "s.json").read_text())
+    scene["camera"]["shift"] = [50, 0]
+    (tmp_path / "s.json").write_text(json.dumps(scene))
+    done = run(pumice, "render", tmp_path / "s.json", "-o", tmp_path / "o.png", "--spp", 1, "--backend", "cpu")
+    assert done.code == 0 and "s.json: no pixel shows a surface" in done.err, done
 
 
 def test_a_pumice_file_is_no_source(pumice, good_pumice):

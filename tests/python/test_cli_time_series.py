@@ -215,7 +215,7 @@ def test_what_is_refused_says_what_there_is(pumice, sources, tmp_path):
     nrrd.write(str(tmp_path / "frame_10.nrrd"), SERIES[0][:, :, :30].transpose(2, 1, 0))
     assert "frame_10.nrrd: voxels: expected 40 × 24 × 20, got 30 × 24 × 20" in refused(pumice, "compress", tmp_path / "frame_{t}.nrrd", "-o", made)
     nrrd.write(str(tmp_path / "frame_10.nrrd"), SERIES[0].astype(np.uint32).transpose(2, 1, 0))
-    assert "frame_10.nrrd: label type: expected U16, got U32" in refused(pumice, "compress", tmp_path / "frame_{t}.nrrd", "-o", made)
+    assert "frame_10.nrrd: label type: expected u16, got u32" in refused(pumice, "compress", tmp_path / "frame_{t}.nrrd", "-o", made)
 
     # Voxels that differ from the source are found at their time step.
     nrrd.write(str(tmp_path / "frame_10.nrrd"), (SERIES[2] + (SERIES[2] == 777)).transpose(2, 1, 0))

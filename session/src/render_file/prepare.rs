@@ -1,10 +1,7 @@
 //! Turns the subject of a request into a scene with its volumes and meshes open.
 
-use std::sync::Arc;
-
-use pumice_core::{CompressedVolume, Job};
+use pumice_core::Job;
 use pumice_picture::Annotations;
-use pumice_scene::Instance;
 
 use super::again::prepare_again;
 use super::open_scene::{OpenedScene, open_scene};
@@ -33,9 +30,8 @@ pub(super) fn prepare(request: &RenderRequest, denoise: Option<Filter>, job: &Jo
         Subject::File(path) => {
             let residence = Residence::within(request.memory_limit_bytes);
             let opened = open_scene(path, &beside_legend(request), &request.reading, residence, job)?;
-            let notice = || format!("{}: nothing is shown, because no label of a volume is", path.display());
             Ok(Prepared {
-                notices: shows_nothing(&opened).then(notice).into_iter().collect(),
+                notices: Vec::new(),
                 opened,
                 stop: request.stop,
                 backend: request.backend.clone(),
@@ -44,17 +40,6 @@ pub(super) fn prepare(request: &RenderRequest, denoise: Option<Filter>, job: &Jo
             })
         }
     }
-}
-
-/// Whether a scene has volumes, and neither a label with a voxel that is shown nor a mesh.
-fn shows_nothing(opened: &OpenedScene) -> bool {
-    let OpenedScene { scene, volumes, meshes } = opened;
-    let mut instances = scene.instances.iter().zip(volumes);
-    let is_hidden = |(instance, volume): (&Instance, &Arc<CompressedVolume>)| {
-        let shown = instance.style.show.among(volume.labels().ids());
-        !shown.iter().zip(volume.labels().voxels()).any(|(&is_shown, &voxels)| is_shown && voxels > 0)
-    };
-    !volumes.is_empty() && meshes.is_empty() && instances.all(is_hidden)
 }
 
 /// The overrides of a request, with a figure that is framed beside the legend that the picture gets.

@@ -120,6 +120,7 @@ pub(crate) const HOST_FILES: &[(&str, &str)] = &[
     ("picture/src/denoise/denoiser.rs", "the filter's name in files"),
     ("picture/src/denoise/planes.rs", SIDE_BY_SIDE),
     ("picture/src/denoise/tests.rs", "tests of the filter"),
+    ("picture/src/denoise/upsample.rs", "coarse frames of the processor; a device draws films of their size"),
 ];
 
 const SIDE_BY_SIDE: &str = "several pixels side by side for SIMD; a shader has one";
