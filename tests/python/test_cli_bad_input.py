@@ -1,6 +1,7 @@
 """Tests bad input, bad paths and interruptions: one clear line, exit code 2, no partial file, no panic, bounded memory."""
 
 import gzip
+import json
 import os
 import random
 import signal
