@@ -156,7 +156,8 @@ pub trait Renderer: Send {
     /// What the denoiser knows of the first surfaces of the film.
     ///
     /// # Errors
-    /// As [`Renderer::picture`]; [`RenderError::Cancelled`] soon after `job` is cancelled, where the renderer looks at it.
+    /// As [`Renderer::picture`]; [`RenderError::Cancelled`] soon after `job` is cancelled, except where guides come from a
+    /// finished picture, as here.
     fn guides(&mut self, _job: &Job) -> Result<Option<Guides>, RenderError> {
         Ok(Guides::of(&self.picture()?)?)
     }

@@ -38,9 +38,9 @@ type Light = [f32; 4];
 /// A frame at the size of its film.
 #[derive(Clone, Debug, PartialEq)]
 pub struct Enlarged {
-    /// Colours.
+    /// Linear Rec. 709 radiance, rows from the top.
     pub color: Image,
-    /// Alpha, where the frame has it.
+    /// From 0 to 1 a pixel, in the same order; `None` where the frame has no alpha.
     pub alpha: Option<Vec<f32>>,
 }
 
