@@ -280,9 +280,9 @@ def test_a_named_backend_draws_the_picture_of_the_cpu(scene, volume, backend):
         np.testing.assert_array_equal(film.pixels[..., 0], cpu.label > 0)
 
 
-@pytest.mark.parametrize("backend", BACKENDS)
+@pytest.mark.parametrize("backend", one_of_today(BACKENDS))
 def test_first_surfaces_of_shipped_data_are_those_of_the_cpu(backend, ct):
-    """Depths and labels are equal to the last bit. (Colours are compared statistically in the tests of the command.)"""
+    """Depths and labels are equal to the last bit. The backend changes daily. (Colours are compared statistically in the tests of the command.)"""
     scene = pumice.figure(ct, size=(160, 120))
     picture, cpu = (pumice.render(scene, ct, spp=1, backend=name) for name in (backend, "cpu"))
     assert picture.backend == backend and (cpu.label > 0).any() and not (cpu.label > 0).all()

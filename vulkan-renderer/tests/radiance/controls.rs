@@ -1,4 +1,5 @@
-//! Negative controls of the comparison of samples: a device that is given a slightly different scene is found out.
+//! Negative controls of the comparison of samples: a device that is given a slightly different scene is found out. (Given the right scene
+//! it is not: the same cases with as many samples are those of `samples_are_the_cpus`.)
 
 use std::sync::Arc;
 
@@ -51,10 +52,7 @@ fn other_questions_are_convicted() {
     let fronts = paths();
     let compute = fronts.last().expect("compute");
     for (what, [case, other]) in faults {
-        let asked = asked(&case, SPP);
-        let found = found(&case, &asked);
-        let right = Verdict::of(&case, &found, &compute.radiances(&case, SPP));
-        assert_eq!(right.fault(), None, "{what}");
+        let found = found(&case, &asked(&case, SPP));
         let wrong = Verdict::of(&case, &found, &compute.radiances(&other, SPP));
         println!("{what}: {wrong}");
         assert!(wrong.fault().is_some(), "{what} goes unnoticed: {wrong}");
