@@ -96,7 +96,8 @@ fn half_of(value: f32) -> f16 {
 
 /// Reads a picture: one that [`write_exr`] wrote, or any EXR with channels R, G and B, half or float, tiles or scan lines.
 ///
-/// If several parts or layers have R, G and B, the unnamed one is taken, otherwise the one called `Combined`, otherwise the only one.
+/// If several parts or layers have R, G and B, the unnamed one is taken, otherwise what Blender's compositor made (`Composite.Combined`),
+/// otherwise the one called `Combined` of a single view layer, otherwise the only one.
 /// The picture spans the display window; it is black where the file has no data.
 ///
 /// # Errors

@@ -213,8 +213,14 @@ fn choose(headers: &[Header]) -> Result<(usize, String), String> {
         found.extend(prefixes.map(|p| (i, p)));
     }
     let unnamed = found.iter().position(|(_, p)| p.is_empty());
-    let combined = || found.iter().position(|(_, p)| p == "Combined." || p.ends_with(".Combined."));
-    match unnamed.or_else(combined) {
+    // What Blender's compositor made comes before the view layers that it made it of. Of several layers none is the picture.
+    let composite = || found.iter().position(|(_, p)| p == "Composite.Combined.");
+    let combined = || {
+        let mut all =
+            found.iter().enumerate().filter(|(_, (_, p))| p == "Combined." || p.ends_with(".Combined."));
+        all.next().filter(|_| all.next().is_none()).map(|(i, _)| i)
+    };
+    match unnamed.or_else(composite).or_else(combined) {
         Some(i) => Ok(found.swap_remove(i)),
         None if found.len() == 1 => Ok(found.remove(0)),
         None if found.is_empty() => {
@@ -658,6 +664,9 @@ mod tests {
         };
         let luminance = write(vec![one("Y")]);
         let two = write(["a.R", "a.G", "a.B", "b.R", "b.G", "b.B"].map(one).to_vec());
+        let of = |name: &str| ["R", "G", "B"].map(|l| one(&format!("{name}.{l}")));
+        let layers = write([of("A.Combined"), of("B.Combined"), of("B.Normal")].concat());
+        assert!(parse(&write([of("A.Combined"), of("Composite.Combined")].concat())).is_ok());
         let float_label = write(["R", "G", "B", "label.index"].map(one).to_vec());
         let matte = |l: &str| format!("ViewLayer.CryptoObject00.{l}");
         let ids = write(
@@ -666,6 +675,7 @@ mod tests {
         for (bytes, expected) in [
             (luminance.as_slice(), "expected flat channels R, G and B, got \"Y\""),
             (&two, "one layer that has them, got layers \"a\", \"b\""),
+            (&layers, "one layer that has them, got layers \"A.Combined\", \"B.Combined\""),
             (&float_label, "label.index: expected whole numbers"),
             (&ids, "expected 32 bit floats (FLOAT), in which ids are exact"),
             (b"P6 1 1 255 abc", "damaged OpenEXR file"),

@@ -70,24 +70,31 @@ pub(super) fn automatic(cards: &[Card]) -> Vec<Way> {
     ways.chain([Way::Cpu]).collect()
 }
 
-/// The number of the device that `device` names: by its number if such a device exists, otherwise by a part of its name.
+/// The number of the device that `device` names: by its number if such a device exists, otherwise by a part of its name. A part that is a
+/// number is a whole word of it: 4090 names a card, and 2 is not the beginning of 2080.
 fn numbered(cards: &[Card], device: &str) -> std::result::Result<usize, String> {
-    if let Some(number) = device.parse().ok().filter(|&n: &usize| n < cards.len()) {
-        return Ok(number);
-    }
     let here = |numbers: &[usize]| {
         numbers.iter().map(|&i| format!("{i} {}", cards[i].name)).collect::<Vec<_>>().join(", ")
     };
+    let unknown = || format!("no such device; here are {}", here(&(0..cards.len()).collect::<Vec<_>>()));
+    if let Some(number) = device.parse().ok().filter(|&n: &usize| n < cards.len()) {
+        return Ok(number);
+    }
     let wanted = device.to_lowercase();
+    let is_number = !wanted.is_empty() && wanted.bytes().all(|b| b.is_ascii_digit());
     let those = |fits: &dyn Fn(&str) -> bool| -> Vec<usize> {
         (0..cards.len()).filter(|&i| fits(&cards[i].name.to_lowercase())).collect()
     };
+    let is_part = |name: &str| match is_number {
+        true => name.split_whitespace().any(|word| word == wanted),
+        false => name.contains(&wanted),
+    };
     // A whole name wins, because it may also be a part of another device's name.
     let whole = those(&|name| name == wanted);
-    let named = if whole.is_empty() { those(&|name| name.contains(&wanted)) } else { whole };
+    let named = if whole.is_empty() { those(&is_part) } else { whole };
     match named[..] {
         [number] if !wanted.is_empty() => Ok(number),
-        [] | [_] => Err(format!("no such device; here are {}", here(&(0..cards.len()).collect::<Vec<_>>()))),
+        [] | [_] => Err(unknown()),
         _ => Err(format!("the name fits several devices, give a number: {}", here(&named))),
     }
 }
@@ -166,8 +173,15 @@ pub(super) mod tests {
         assert_eq!(ways("vulkan-rt:2", two()), Ok(vec![vulkan(2, Backend::RayPipeline)]));
         assert_eq!(ways("vulkan-rt:LLVM", two()), Ok(vec![vulkan(2, Backend::RayPipeline)]));
         assert_eq!(ways("vulkan-compute:radeon 5", two()), Ok(vec![vulkan(1, Backend::Compute)]));
-        // No device has this number, so it is taken as a part of a name.
+        // No device has this number, so it is taken as a word of a name.
         assert_eq!(ways("vulkan-compute:9", two()), Ok(vec![vulkan(0, Backend::Compute)]));
+        let mut software = two();
+        software[0].name = "LLVM 15.0.6, 9 bits, RTX 2080".into();
+        assert_eq!(ways("vulkan-compute:2080", software.clone()), Ok(vec![vulkan(0, Backend::Compute)]));
+        for no_word in ["6", "15", "20", "208"] {
+            let text = ways(&format!("vulkan-compute:{no_word}"), software.clone()).unwrap_err();
+            assert!(text.contains("no such device"), "{text}");
+        }
         let mut cards = two();
         cards[1].name = "Radeon".into();
         assert_eq!(ways("vulkan-compute:radeon", cards), Ok(vec![vulkan(1, Backend::Compute)]));
