@@ -183,13 +183,22 @@ def make(context, one):
     fill(mesh, one.faces)
     volume_place.move(mesh, one.object_from_index)
     used = wear(mesh, one)
-    made.parent, made.matrix_parent_inverse = volume.parent, volume.matrix_parent_inverse.copy()
-    made.matrix_basis = volume.matrix_basis.copy()
+    follow(made, volume)
     labels = one.volume.labels
     rows = zip(labels.ids.tolist(), labels.names, labels.types)
     made["labels"] = json.dumps([[label, name or None, kind or None] for label, name, kind in rows], ensure_ascii=False)
     made["data_hash"], made["source"] = one.volume.content_hash, os.path.basename(volume.pumice.source_path or volume.pumice.filepath)
     return made, used
+
+
+def follow(made, volume):
+    """Places an object by all that places a volume: parent, own matrix, constraints."""
+    made.parent, made.parent_type = volume.parent, volume.parent_type
+    made.parent_bone, made.parent_vertices = volume.parent_bone, volume.parent_vertices
+    made.matrix_parent_inverse, made.matrix_basis = volume.matrix_parent_inverse.copy(), volume.matrix_basis.copy()
+    made.constraints.clear()
+    for constraint in volume.constraints:
+        made.constraints.copy(constraint)
 
 
 def forget_unused():

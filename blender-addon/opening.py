@@ -13,6 +13,7 @@ Of a series, one file has all time steps, and one of them is opened: the one tha
 """
 
 import os
+import warnings
 from typing import Any, NamedTuple
 
 from . import cache, native
@@ -66,6 +67,27 @@ def open_all(wanted, job, tell):
 
 
 def _open(wanted, job, tell):
+    """As `_read`, and tells what reading the voxels warned of."""
+    with warnings.catch_warnings(record=True) as said:
+        warnings.simplefilter("always")
+        opened = _read(wanted, job, tell)
+    ours = native.require().PumiceWarning
+    for line in said:
+        if not issubclass(line.category, ours):
+            warnings.warn_explicit(line.message, line.category, line.filename, line.lineno)
+    lines = [*opened.warnings, *(str(line.message) for line in said if issubclass(line.category, ours))]
+    return opened._replace(warnings=list(dict.fromkeys(lines)))
+
+
+def _kept(wanted, opens):
+    """What `opens` gives of a compressed form that was found. Its error names a file that nobody chose, so it says what it is."""
+    try:
+        return opens()
+    except native.require().InputError as error:
+        raise Refused(f"{error}; it is the compressed form of {wanted.source}: delete it, and it is made anew") from error
+
+
+def _read(wanted, job, tell):
     pumice, name = native.require(), cache.base_name(wanted.source)
     tell(f"Reading {name}")
     compressed = cache.is_compressed(wanted.source)
@@ -80,7 +102,9 @@ def _open(wanted, job, tell):
     places = cache.candidates(wanted.source, wanted.choice, wanted.folder)
     kept = cache.existing(places)
     if kept is not None:
-        return _at_frame(wanted, kept, job, odd) if is_series else Opened(wanted.source, wanted.choice, kept, wanted.open(kept, job), odd)
+        if is_series:
+            return _kept(wanted, lambda: _at_frame(wanted, kept, job, odd))
+        return _kept(wanted, lambda: Opened(wanted.source, wanted.choice, kept, wanted.open(kept, job), odd))
     target = cache.writable(places)
     tell(f"Compressing {name}")
     if is_series:

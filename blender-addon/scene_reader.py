@@ -182,6 +182,9 @@ def render_warnings(scene, view_layer):
     for override, what in (("material_override", "Material Override"), ("world_override", "World Override")):
         if getattr(view_layer, override, None) is not None:
             out.append(f"View layer {view_layer.name}: {what} is not drawn")
+    for switch, what in (("use_solid", "Surfaces"), ("use_sky", "Environment")):
+        if not getattr(view_layer, switch):
+            out.append(f"View layer {view_layer.name}: {what} is off, and drawn all the same")
     out += object_rays.of_collections(view_layer)
     if scene.camera is not None and scene.camera.type == "CAMERA" and lens.is_sheared(scene.camera):
         out.append(f"Camera {scene.camera.name}: its shear is not drawn; its axes are at right angles")
@@ -189,6 +192,9 @@ def render_warnings(scene, view_layer):
         out.append("Transparent Glass is not drawn: what is seen through glass is opaque")
     if render.film_transparent and not drawn.TRANSPARENT:
         out.append("A transparent film is not drawn yet; the background is opaque")
+    exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
+    if exposure != 1.0:
+        out.append(f"Film Exposure of Cycles, {exposure:.3g}, is not drawn")
     if render.use_motion_blur:
         out.append("Motion blur is not drawn")
     return out

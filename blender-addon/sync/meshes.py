@@ -90,7 +90,16 @@ def placed(obj, world_from_mesh, geometries, dresses):
 
 def left_out_of(obj):
     """One line for each property of an object that is not drawn; its materials have their own lines."""
-    return object_rays.left_out_of(obj, catches=drawn.SHADOW_CATCHER)
+    hair = [f"Object {obj.name}: its particle hair is not drawn"] if any(map(_is_hair, obj.modifiers)) else []
+    return hair + object_rays.left_out_of(obj, catches=drawn.SHADOW_CATCHER)
+
+
+def _is_hair(modifier):
+    """Whether a modifier makes strands; what particles place is an instance, and drawn."""
+    if modifier.type != "PARTICLE_SYSTEM" or not (modifier.show_viewport or modifier.show_render):
+        return False
+    settings = modifier.particle_system.settings
+    return settings.type == "HAIR" and settings.render_type == "PATH"
 
 
 def _key(obj):

@@ -19,10 +19,10 @@ def ensure(owner):
 
 
 def surface(tree, output_type, socket="Surface"):
-    """The node that reaches an input of the active output; None where nothing does."""
-    outputs = [n for n in tree.nodes if n.type == output_type]
-    active = next((n for n in outputs if n.is_active_output), outputs[0] if outputs else None)
-    return source(active.inputs[socket]) if active is not None else None
+    """The node that reaches an input of the output that Cycles takes; None where nothing does. An output of Cycles alone comes before one of
+    all engines, and one of another engine is none."""
+    output = tree.get_output_node("CYCLES")
+    return source(output.inputs[socket]) if output is not None and output.type == output_type else None
 
 
 def source(socket):

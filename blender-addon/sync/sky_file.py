@@ -8,7 +8,8 @@
 Blender gives the pixels of a float image as scene-linear, and those of a byte image as they are stored. Cycles interpolates a picture in
 sRGB, of bytes or of floats, by its codes, and then makes it linear; Pumice interpolates light. So such a picture is written with more
 pixels, between which the two are the same (`_finer`). The name of the written file is a hash of the image's source, its size and its
-modification time, so another image has another file. While these stay the same, nothing is read again.
+modification time, so another image has another file. While these stay the same, nothing is read again. Where light was below 0 or
+no number, the written file has 0, and its name says so.
 
 The layout of the written file, with a single part of scan lines (OpenEXR file layout, openexr.com/en/latest/OpenEXRFileLayout.html):
 
@@ -28,6 +29,8 @@ ENCODED = "sRGB"
 # A picture in sRGB gets at most this many pixels across, and this many times as many: a straight line between two codes is then off by at
 # most 1/16² of what it was.
 MOST_ACROSS, MOST_TIMES = 4096, 16
+# Ends the name of a written file some of whose light was below 0 or no number.
+CLIPPED = "-clipped"
 # The file is written in bands of this many rows, so that a large picture is not copied as a whole.
 BAND_ROWS = 256
 
@@ -37,7 +40,7 @@ class NotDrawn(Exception):
 
 
 def path_of(image):
-    """Path of the picture as OpenEXR; raises NotDrawn."""
+    """(path of the picture as OpenEXR, what of it is not drawn, a list of lines); raises NotDrawn."""
     if image.source != "FILE" or image.is_dirty:
         raise NotDrawn(f"{image.name} is not an image of one saved file")
     space = image.colorspace_settings.name
@@ -46,17 +49,24 @@ def path_of(image):
     if packed is None and not os.path.exists(path):
         raise NotDrawn(f"{image.name}: {path} is missing")
     if packed is None and path.lower().endswith(".exr") and space in LINEAR:
-        return path
+        return path, []
     if packed is None:
         status = os.stat(path)
-        state = (path, status.st_size, status.st_mtime_ns, space)
+        state = (path, status.st_size, status.st_mtime_ns, space, image.alpha_mode)
     else:
-        state = (image.session_uid, image.name_full, packed.size, space, os.getpid())
+        state = (image.session_uid, image.name_full, packed.size, space, image.alpha_mode, os.getpid())
     name = hashlib.sha256(repr(state).encode()).hexdigest()[:24]
-    target = os.path.join(_folder(), f"{name}.exr")
-    if not os.path.exists(target):
-        _write(target, _linear(image, space))
-    return target
+    whole, clipped = (os.path.join(_folder(), f"{name}{ending}.exr") for ending in ("", CLIPPED))
+    if not os.path.exists(whole) and not os.path.exists(clipped):
+        light = _linear(image, space)
+        is_light = np.isfinite(light) & (light >= 0.0)
+        if is_light.all():
+            _write(whole, light)
+        else:
+            _write(clipped, np.where(is_light, light, np.float32(0.0)))
+    if os.path.exists(whole):
+        return whole, []
+    return clipped, [f"{image.name} has light below 0 or no number, of colors that Rec. 709 lacks; 0 is drawn in its place"]
 
 
 def _folder():
@@ -74,12 +84,25 @@ def _linear(image, space):
         raise NotDrawn(f"{image.name} has {image.channels} channels instead of three colors")
     pixels = np.empty(width * height * image.channels, dtype=np.float32)
     image.pixels.foreach_get(pixels)
-    color = pixels.reshape(height, width, image.channels)[..., :3]
+    pixels = pixels.reshape(height, width, image.channels)
+    color = pixels[..., :3]
     if space == ENCODED:
-        return _decoded(_finer(_encoded(color) if image.is_float else color))
+        alpha = pixels[..., 3:] if image.channels == 4 and image.alpha_mode in {"STRAIGHT", "PREMUL"} else None
+        return _decoded(_finer(_codes(color, alpha, image.is_float)))
     if not image.is_float and space not in LINEAR:
         raise NotDrawn(f"{image.name}: the color space {space} of 8 bit images is not read")
     return color
+
+
+def _codes(color, alpha, is_float):
+    """Codes of sRGB as Cycles interpolates them: those of the color times alpha, in bytes for an image of bytes. Blender gives the colors of a
+    float image as light times alpha, and those of bytes as codes without alpha."""
+    if alpha is None:
+        return _encoded(color) if is_float else color
+    if is_float:
+        return _encoded(color / np.where(alpha > 0.0, alpha, np.float32(1.0))) * alpha
+    of_bytes = np.rint(color * 255.0) * np.rint(alpha * 255.0) // 255.0
+    return (of_bytes / 255.0).astype(np.float32)
 
 
 def _finer(codes):

@@ -75,9 +75,10 @@ def _picture(node, strength):
         left_out.append(f"World: {node.image.name} is drawn with linear interpolation")
     rotation = _rotation(node, left_out)
     try:
-        path = sky_file.path_of(node.image)
+        path, missing = sky_file.path_of(node.image)
     except sky_file.NotDrawn as error:
         return BLACK, [*left_out, f"World: {error}; the sky is black"]
+    left_out += [f"World: {line}" for line in missing]
     image = {"path": path, "rotation_rad": rotation, "strength": strength}
     return {"environment": {"image": image}, "backdrop": None}, left_out
 
@@ -88,6 +89,7 @@ def _rotation(node, left_out):
     if any(texture.rotation) or any(texture.translation) or any(s != 1.0 for s in texture.scale):
         left_out.append("World: the Texture Mapping in the node's properties is not drawn")
     source = nodes.source(node.inputs["Vector"])
+    is_mapped = False
     while source is not None and source.type == "MAPPING" and not source.mute:
         rotation, location, scale = (_three(source, name, left_out) for name in ("Rotation", "Location", "Scale"))
         moved = any(location) and source.vector_type in {"POINT", "TEXTURE"}
@@ -95,8 +97,11 @@ def _rotation(node, left_out):
         stretched = len(set(scale)) > 1 or scale[0] <= 0.0
         if any(rotation[:2]) or moved or stretched:
             left_out.append("World: of its Mapping only the rotation about Z is drawn")
+        is_mapped = True
         total += rotation[2] if source.vector_type == "TEXTURE" else -rotation[2]
         source = nodes.source(source.inputs["Vector"])
+    if source is None and is_mapped:
+        left_out.append("World: nothing is linked to Vector of its Mapping; the picture is drawn as with Generated, where Cycles draws one color of it")
     if source is not None and (source.type != "TEX_COORD" or not _is_direction(node)):
         left_out.append(f"World: {source.bl_label} before its Environment Texture is not drawn")
     return math.remainder(total, 2.0 * math.pi)

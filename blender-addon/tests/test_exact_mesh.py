@@ -129,6 +129,54 @@ def test_hidden_labels_and_a_second_run(blender, volume, dense, extension):
     assert list(made(blender, volume).data.materials) == [volume.active_material]
 
 
+def empty(blender, name, **place):
+    obj = blender.data.objects.new(name, None)
+    blender.context.scene.collection.objects.link(obj)
+    for field, value in place.items():
+        setattr(obj, field, value)
+    return obj
+
+
+def held(blender, volume, how):
+    """Places the volume by something other than its own matrix."""
+    other = empty(blender, "other", location=(3.0, 0.5, 0.0), rotation_euler=(0.2, 0.0, 1.0))
+    if how == "limit":
+        limit = volume.constraints.new("LIMIT_LOCATION")
+        limit.use_min_x, limit.min_x = True, 6.0
+    elif how == "track":
+        volume.constraints.new("TRACK_TO").target = other
+        volume.constraints.new("COPY_LOCATION").target = other
+    elif how == "bone":
+        rig = blender.data.objects.new("rig", blender.data.armatures.new("rig"))
+        blender.context.scene.collection.objects.link(rig)
+        blender.context.view_layer.objects.active = rig
+        blender.ops.object.mode_set(mode="EDIT")
+        bone = rig.data.edit_bones.new("bone")
+        bone.head, bone.tail = (0.0, 0.0, 1.0), (1.0, 0.0, 2.0)
+        blender.ops.object.mode_set(mode="OBJECT")
+        volume.parent, volume.parent_type, volume.parent_bone = rig, "BONE", "bone"
+    else:
+        mesh = blender.data.meshes.new("corner")
+        mesh.from_pydata([(2.0, 0.0, 0.0), (0.0, 2.0, 0.0), (0.0, 0.0, 2.0)], [], [(0, 1, 2)])
+        corner = blender.data.objects.new("corner", mesh)
+        blender.context.scene.collection.objects.link(corner)
+        volume.parent, volume.parent_type, volume.parent_vertices = corner, "VERTEX", (1, 0, 0)
+
+
+@pytest.mark.parametrize("how", ["limit", "track", "bone", "vertex"])
+def test_it_stands_where_the_volume_does(blender, volume, how):
+    own = np.array(volume.matrix_world)
+    held(blender, volume, how)
+    blender.context.view_layer.update()
+    expected = np.array(volume.matrix_world)
+    assert np.abs(expected - own).max() > 0.5, "control: it stands elsewhere than by its own matrix"
+    for _ in range(2):
+        found = made(blender, volume)
+        blender.context.view_layer.update()
+        np.testing.assert_allclose(np.array(found.matrix_world), expected, atol=1e-6)
+        assert len(found.constraints) == len(volume.constraints)
+
+
 def test_merged_faces_are_fewer_and_cover_the_same(blender, volume, dense):
     plain = sum(polygon.area for polygon in made(blender, volume).data.polygons)
     merged = made(blender, volume, merged=True).data

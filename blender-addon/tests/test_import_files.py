@@ -323,6 +323,29 @@ def test_a_store_is_imported_by_its_folder_and_by_the_file_that_describes_it(dia
     assert len(set(names)) == 3
 
 
+def test_what_reading_the_voxels_finds_is_a_warning(blender, tmp_path, capfd):
+    folder = store(tmp_path / "a.precomputed", some_labels())
+    (folder / "fine" / "0-5_0-4_0-3").unlink()
+    imported(folder, scale=0)
+    assert "Warning: " in (said := capfd.readouterr().out) and "are taken as 0" in said
+    assert "Pumice" not in capfd.readouterr().err
+
+
+def test_a_damaged_compressed_form_says_what_it_is(blender, tmp_path):
+    np.save(tmp_path / "cells.npy", some_labels())
+    imported(tmp_path / "cells.npy", axes="xyz")
+    (kept,) = tmp_path.glob("cells-*.pumice")
+    kept.write_bytes(kept.read_bytes()[:-100])
+    for obj in volumes():
+        bpy.data.objects.remove(obj)
+    importlib.import_module(next(name for name in __import__("sys").modules if name.endswith(".pumice.registry"))).forget_unused()
+    with pytest.raises(RuntimeError, match=f"{kept.name}.*it is the compressed form of .*cells.npy: delete it, and it is made anew"):
+        imported(tmp_path / "cells.npy", axes="xyz")
+    kept.unlink()
+    (obj,) = imported(tmp_path / "cells.npy", axes="xyz")
+    np.testing.assert_array_equal(pumice.open(obj.pumice.filepath).decode(), some_labels())
+
+
 def test_folders_of_stores_can_be_dropped(blender, extension):
     endings = importlib.import_module(f"{extension.__name__}.import_volume").PUMICE_FH_volume.bl_file_extensions.split(";")
     assert {".zarr", ".n5", ".precomputed", ".h5", ".nrrd"} <= set(endings)

@@ -123,6 +123,22 @@ def test_what_is_read_looks_as_the_shader_does(blender, read, ball, name):
     assert np.abs(ours - theirs).max() <= TOLERANCE * theirs.max()
 
 
+@pytest.mark.parametrize("targets", [("EEVEE", "ALL"), ("ALL", "CYCLES"), ("EEVEE",)], ids="-".join)
+def test_the_output_is_the_one_that_cycles_takes(blender, read, ball, targets):
+    """The first of the outputs is the active one."""
+    made = material(blender, None)
+    tree = made.node_tree
+    tree.nodes.clear()
+    for number, target in enumerate(targets):
+        shader, output = tree.nodes.new("ShaderNodeBsdfDiffuse"), tree.nodes.new("ShaderNodeOutputMaterial")
+        shader.inputs["Color"].default_value = (0.1 + 0.6 * number, 0.5, 0.2, 1.0)
+        tree.links.new(shader.outputs[0], output.inputs["Surface"])
+        output.target, output.is_active_output = target, number == 0
+    fields, _, left_out = read(made)
+    ours, theirs = ball(principled_of(blender, fields)), ball(made)
+    assert left_out == [] and np.abs(ours - theirs).max() <= TOLERANCE * max(theirs.max(), 0.1)
+
+
 def test_the_comparison_notices_a_lobe_that_is_lost_or_a_little_rough(blender, read, ball):
     """Negative control: the comparison detects a change of each relevant field."""
     kind, inputs = EXACT["principled"]

@@ -234,16 +234,22 @@ def test_what_is_not_drawn_of_an_object_is_named(blender, stage):
     added(blender, blender.data.meshes.new("nothing"), "nothing")
     added(blender, blender.data.volumes.new("smoke"), "smoke")
     added(blender, blender.data.pointclouds.new("dust"), "dust")
+    blender.context.view_layer.objects.active = obj
+    for kind in ("PATH", "OBJECT"):
+        particles = obj.modifiers.new(kind, "PARTICLE_SYSTEM").particle_system.settings
+        particles.type, particles.render_type, particles.count = "HAIR", kind, 2
+        assert any("particle hair" in line for line in stage()[1]), "of the first system"
     parts, left_out = stage()
     assert [m.name for m in parts.meshes.values()] == [obj.name]
     assert left_out == [
+        "Object odd: its particle hair is not drawn",
         "Object odd: Holdout is not drawn",
         "Object odd: it is seen by glossy rays all the same",
         "Object flat: scaled to nothing; it is left out",
         "Not drawn: dust, smoke",
     ]
     said = stage.load("panels").not_drawn(blender.context.scene, blender.context.view_layer)
-    assert set(left_out) - set(said) == {left_out[2]}, "the panel does not read matrices"
+    assert set(left_out) - set(said) == {left_out[3]}, "the panel does not read matrices"
 
 
 def test_smooth_shading_is_named_where_it_is_not_drawn(blender, stage, drawn, monkeypatch):

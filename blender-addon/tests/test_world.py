@@ -176,6 +176,81 @@ def test_pictures_in_srgb_are_interpolated_as_cycles_does(blender, extension, re
     assert difference(read(made)[0]["environment"]) > 0.05
 
 
+def translucent(folder, name):
+    """A picture whose pixels have alpha of their own, or nothing, or all."""
+    import OpenImageIO
+
+    alpha = np.array([0.5, 0.0, 1.0, 0.8, 0.3])[np.arange(8) % 5]
+    pixels = np.broadcast_to(np.stack([0.5 * np.ones(8), 0.25 * np.ones(8), 0.9 - 0.1 * np.arange(8), alpha], axis=-1), (4, 8, 4))
+    kind = "uint8" if name.endswith("8.png") else "uint16"
+    path = folder / name
+    out = OpenImageIO.ImageOutput.create(str(path))
+    spec = OpenImageIO.ImageSpec(8, 4, 4, kind)
+    spec.attribute("oiio:UnassociatedAlpha", 1)
+    out.open(str(path), spec)
+    out.write_image((pixels * np.iinfo(kind).max).round().astype(kind))
+    out.close()
+    return path
+
+
+@pytest.mark.parametrize("mode", ["STRAIGHT", "CHANNEL_PACKED", "NONE"])
+@pytest.mark.parametrize("name", ["bits8.png", "bits16.png"])
+def test_alpha_of_a_picture_is_what_it_is_in_cycles(blender, read, tmp_path, name, mode):
+    scene = cycles_oracle.prepare(blender, tmp_path, size=4, samples=1)
+    made, node = textured(blender, translucent(tmp_path, name))
+    node.image.alpha_mode = mode
+    value, left_out = read(made)
+    assert left_out == []
+    views = [seen(blender, scene, view) for view in VIEWS]
+    light = max(theirs.max() for _, theirs in views)
+    # As for any picture in sRGB: see the test of contrasts.
+    difference = max(np.abs(looked_up(value["environment"], direction) - theirs).max() for direction, theirs in views) / light
+    assert difference < 6e-3
+    if mode == "STRAIGHT":
+        node.image.alpha_mode = "NONE"
+        other = read(made)[0]["environment"]
+        assert max(np.abs(looked_up(other, direction) - theirs).max() for direction, theirs in views) > 0.05 * light, "control: alpha shows"
+
+
+def test_light_that_no_color_of_the_scene_has_is_black_and_said(blender, read, tmp_path):
+    import OpenImageIO
+
+    said = {}
+    for name, color in (("grey.exr", (0.5, 0.5, 0.5)), ("wide.exr", (0.02, 1.0, 0.05))):
+        pixels = np.full((4, 8, 3), 0.5, dtype=np.float32)
+        pixels[1, 2] = color
+        out = OpenImageIO.ImageOutput.create(str(tmp_path / name))
+        out.open(str(tmp_path / name), OpenImageIO.ImageSpec(8, 4, 3, "float"))
+        out.write_image(pixels)
+        out.close()
+        made, node = textured(blender, tmp_path / name)
+        node.image.colorspace_settings.name = "Linear Rec.2020"
+        said[name] = [read(made) for _ in range(2)]
+    assert [left_out for _, left_out in said["grey.exr"]] == [[], []]
+    for value, left_out in said["wide.exr"]:
+        assert left_out == ["World: wide.exr has light below 0 or no number, of colors that Rec. 709 lacks; 0 is drawn in its place"]
+    file = OpenImageIO.ImageInput.open(value["environment"]["image"]["path"])
+    found = file.read_image(0, 0, 0, 3, "float")
+    assert found.min() == 0.0 and found[1, 2].max() > 1.0 and (found == 0.0).sum() == 2
+
+
+@pytest.mark.parametrize("targets", [("EEVEE", "ALL"), ("ALL", "CYCLES"), ("EEVEE",)], ids="-".join)
+def test_the_output_is_the_one_that_cycles_takes(blender, read, tmp_path, targets):
+    """The first of the outputs is the active one."""
+    scene = cycles_oracle.prepare(blender, tmp_path, size=4, samples=1)
+    made, background = world(blender, Color=(0.2, 0.4, 0.8, 1.0))
+    tree = made.node_tree
+    for old in [n for n in tree.nodes if n != background]:
+        tree.nodes.remove(old)
+    for number, target in enumerate(targets):
+        shader, output = tree.nodes.new("ShaderNodeBackground"), tree.nodes.new("ShaderNodeOutputWorld")
+        shader.inputs["Color"].default_value = (0.1 + 0.3 * number, 0.5, 0.2, 1.0)
+        tree.links.new(shader.outputs[0], output.inputs["Surface"])
+        output.target, output.is_active_output = target, number == 0
+    radiance = read(made)[0]["environment"]["constant"]["radiance"]
+    assert radiance == pytest.approx(seen(blender, scene, VIEWS[0])[1], rel=1e-6, abs=1e-6)
+
+
 def test_a_packed_image_is_written_too(blender, read, tmp_path):
     made, node = textured(blender, picture_file(tmp_path))
     node.image.pack()
@@ -184,9 +259,20 @@ def test_a_packed_image_is_written_too(blender, read, tmp_path):
     assert looked_up({"image": {"path": path, "rotation_rad": 0.0, "strength": 1.0}}, np.array([1.0, 0.0, 0.0]))[0] == pytest.approx(0.7)
 
 
+def nodes_of(made, kind):
+    return next(n for n in made.node_tree.nodes if n.type == kind)
+
+
 def test_what_is_not_drawn_of_a_world_is_named(blender, read, tmp_path):
     made, node = textured(blender, picture_file(tmp_path), turn=(0.1, 0.0, 0.7))
     assert read(made)[1] == ["World: of its Mapping only the rotation about Z is drawn"]
+    mapping = nodes_of(made, "MAPPING")
+    mapping.inputs["Rotation"].default_value = (0.0, 0.0, 0.7)
+    assert read(made)[1] == []
+    made.node_tree.nodes.remove(nodes_of(made, "TEX_COORD"))
+    assert read(made)[1] == [
+        "World: nothing is linked to Vector of its Mapping; the picture is drawn as with Generated, where Cycles draws one color of it"
+    ]
     node.projection = "MIRROR_BALL"
     assert read(made) == (read(None)[0], ["World: the projection mirror ball is not drawn; the sky is black"])
     node.projection = "EQUIRECTANGULAR"
