@@ -106,6 +106,9 @@ class Module:
     class InputError(PumiceError, ValueError):
         pass
 
+    class PumiceWarning(UserWarning):
+        pass
+
     class Cancelled(PumiceError):
         pass
 
