@@ -119,6 +119,22 @@ def test_an_emission_node_counts_and_what_else_is_linked_is_named(blender, read,
     assert read(obj)[2] == ["Light lamp: what is linked to Strength of its Emission is not drawn; its own value is used"]
 
 
+def test_the_output_is_the_one_that_cycles_takes(blender, read, tmp_path):
+    scene = cycles_oracle.prepare(blender, tmp_path)
+    cycles_oracle.plane(blender, ALBEDO)
+    obj = lamp(blender, "POINT")
+    emission(blender, obj.data, 2.5, (0.9, 0.5, 0.1, 1.0))
+    tree = obj.data.node_tree
+    other, output = tree.nodes.new("ShaderNodeEmission"), tree.nodes.new("ShaderNodeOutputLight")
+    other.inputs["Strength"].default_value = 0.5
+    tree.links.new(other.outputs[0], output.inputs["Surface"])
+    output.target = "CYCLES"
+    next(n for n in tree.nodes if n.type == "OUTPUT_LIGHT" and n != output).is_active_output = True
+    part, value, left_out = read(obj)
+    assert left_out == []
+    assert radiance(part, value) == pytest.approx(cycles_oracle.picture(blender, scene).mean(axis=(0, 1)), rel=TOLERANCE)
+
+
 def test_the_comparison_notices_wrong_units(blender, read, tmp_path):
     """Negative control: a π too few, an area left out of account, a scale of the object's."""
     scene = cycles_oracle.prepare(blender, tmp_path)

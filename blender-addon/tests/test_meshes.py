@@ -252,6 +252,17 @@ def test_what_is_not_drawn_of_an_object_is_named(blender, stage):
     assert set(left_out) - set(said) == {left_out[3]}, "the panel does not read matrices"
 
 
+def test_what_a_view_layer_switches_off_is_named(blender, extension):
+    scene, layer = blender.context.scene, blender.context.view_layer
+    assert extension.scene_reader.render_warnings(scene, layer) == []
+    layer.use_solid, layer.use_sky, scene.cycles.film_exposure = False, False, 2.0
+    assert extension.scene_reader.render_warnings(scene, layer) == [
+        f"View layer {layer.name}: Surfaces is off, and drawn all the same",
+        f"View layer {layer.name}: Environment is off, and drawn all the same",
+        "Film Exposure of Cycles, 2, is not drawn",
+    ]
+
+
 def test_smooth_shading_is_named_where_it_is_not_drawn(blender, stage, drawn, monkeypatch):
     monkeypatch.setattr(drawn, "SMOOTH_MESHES", False)
     mesh = quad(blender)
