@@ -101,7 +101,7 @@ def _dress(material):
 
 def _objects(context, objects, holder):
     """Sets objects from their notes, and removes what only held them together. Returns ({noted name: object}, names of refused values)."""
-    by_name, focuses, refused = {}, {}, []
+    by_name, focuses, refused, kept = {}, {}, [], []
     noted = [(obj, _note_of(obj)) for obj in objects]
     noted = [(obj, said) for obj, said in noted if said is not None]
     for number, (obj, _) in enumerate(noted):
@@ -113,20 +113,35 @@ def _objects(context, objects, holder):
             obj.parent = None
             obj.matrix_world = world
         if "matrix" in said:
-            # The importer gave it location, rotation and scale, which cannot shear.
+            obj = _one_object(obj, [other for other, _ in noted])
+        refused += scene_notes.set_object(obj, said)
+        if "matrix" in said:
+            # The importer gives location, rotation and scale, which cannot shear.
             obj.parent, obj.matrix_basis = None, Matrix()
             volume_object.place(context, obj, matrix.from_twelve(said["matrix"]))
-        refused += scene_notes.set_object(obj, said)
+        kept.append(obj)
         by_name.setdefault(said["name"], obj)
         if said.get("focus") is not None:
             focuses[obj] = said["focus"]
     for camera, name in focuses.items():
         camera.data.dof.focus_object = by_name.get(name)
     # What the scene had has a note: other empties held the stage together, such as the scope of the materials.
-    kept = [obj for obj, _ in noted]
     for obj in [o for o in objects if o.type == "EMPTY" and o not in kept and not _holds(o, kept)]:
         bpy.data.objects.remove(obj)
     return by_name, refused
+
+
+def _one_object(obj, noted):
+    """The object that has the mesh of a noted object. A volume whose matrix shears arrives as two objects, an empty and, with the rest of the
+    matrix, the mesh below it, which has no note; the empty then gives its properties to the mesh, and goes with what else held the stage
+    together."""
+    if obj.type != "EMPTY" or len(obj.children) != 1 or obj.children[0].type != "MESH" or obj.children[0] in noted:
+        return obj
+    body = obj.children[0]
+    for name, value in obj.items():
+        body[name] = value
+    body.parent = None
+    return body
 
 
 def _note_of(obj):

@@ -209,6 +209,9 @@ def test_a_volume_whose_axes_shear_keeps_its_shape(staged, tmp_path):
     staged.context.view_layer.update()
     found = staged.data.objects["sheared"]
     assert len(found.data.polygons) > 1000 and np.allclose(np.array(found.matrix_world), matrix, rtol=0, atol=1e-6)
+    # One object, which has the notes of the labels, and the frame that shears; nothing else of the stage is left.
+    assert "labels" in found and found.parent.name.startswith("sheared frame")
+    assert not [o.name for o in staged.data.objects if o.name.startswith(("importing", "volume_", "surface"))]
     # Control: location, rotation and scale alone would be another matrix.
     assert not np.allclose(np.array(type(found.matrix_world).LocRotScale(*found.matrix_world.decompose())), matrix, rtol=0, atol=1e-3)
 

@@ -92,6 +92,34 @@ def test_instances_arrive_with_their_materials(blender, tmp_path):
     assert len(placed) == report["boxes"], "an instance a box"
 
 
+# Columns that are neither at right angles nor of one length, mirrored.
+SHEARED = [-2.0, 0.3, 0.1, 0.5, 1.5, -0.4, 0.2, 0.7, 3.0, 10.0, 20.0, 30.0]
+
+
+@pytest.mark.parametrize("form", ["voxels", "smooth", "instances"])
+def test_what_shears_arrives_in_its_place(blender, tmp_path, form):
+    """A volume and a mesh whose matrices are more than location, rotation and scale, which is all that the importer keeps of a prim."""
+    scene = json.loads(scene_of(tmp_path))
+    scene["instances"][0]["world_from_index"] = SHEARED
+    (tmp_path / "roof.ply").write_text(ROOF)
+    scene["meshes"] = [{"id": 4, "source": "roof.ply", "world_from_mesh": SHEARED, "materials": [{"base_color": [0.5, 0.5, 0.5]}]}]
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    command = os.environ.get("PUMICE", ROOT / "target" / "debug" / "pumice")
+    out = tmp_path / "scene.usdc"
+    subprocess.run([command, "export", tmp_path / "scene.json", "-o", out, "--form", form], check=True, capture_output=True)
+    blender.ops.wm.usd_import(filepath=str(out))
+    placed = {thing.name: np.array(thing.matrix_world)[:3].T for thing in blender.data.objects}
+    expected = np.reshape(SHEARED, (4, 3))
+    for name in ("boxes" if form == "instances" else "surface", "mesh"):
+        assert np.allclose(placed[name], expected, rtol=0, atol=1e-5), name
+    if form == "instances":
+        # The boxes themselves, too: a cube's edges are those of the matrix, as often as the box is wide.
+        graph = blender.context.evaluated_depsgraph_get()
+        edges = np.array([np.array(i.matrix_world)[:3, 0] for i in graph.object_instances if i.is_instance])
+        lengths = np.linalg.norm(edges, axis=1) / np.linalg.norm(expected[0])
+        assert np.allclose(edges / lengths[:, None], expected[0], rtol=0, atol=1e-4) and np.allclose(lengths, lengths.round(), atol=1e-4)
+
+
 def test_a_smoothed_surface_arrives_closed_with_its_normals(blender, tmp_path):
     out = tmp_path / "smooth.usdc"
     report = exported(out, "--form", "smooth")

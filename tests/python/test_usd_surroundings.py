@@ -37,6 +37,12 @@ def world_from(prim):
     return np.array(UsdGeom.Xformable(prim).ComputeLocalToWorldTransform(Usd.TimeCode.Default())).T
 
 
+def is_perpendicular(rows):
+    """Whether the rows of a matrix (3, 3) are at right angles to each other."""
+    rows = rows / np.linalg.norm(rows, axis=1, keepdims=True)
+    return np.allclose(rows @ rows.T, np.eye(3), rtol=0, atol=1e-6)
+
+
 @pytest.mark.parametrize("name", SCENES)
 def test_validators_find_nothing_and_all_forms_say_the_same(folder, name):
     for file in [f"{name}.usda", f"{name}.usdc", f"{name}.usdz", f"{name}_for_blender.usdc"]:
@@ -252,12 +258,18 @@ def test_meshes_stand_where_they_do_with_their_normals_and_materials(folder):
     placed = {mesh["id"]: mesh for mesh in scene_of(folder, "everything")["meshes"]}
     assert not stage.GetPrimAtPath("/Scene/mesh_1"), "a mesh without triangles"
 
-    floor = UsdGeom.Mesh(stage.GetPrimAtPath("/Scene/mesh_3"))
+    # Its matrix shears, so a part of it is the Xform's.
+    floor = UsdGeom.Mesh(stage.GetPrimAtPath("/Scene/mesh_3/mesh"))
     matrix = np.array(placed[3]["world_from_mesh"]).reshape(4, 3)
     corners = np.array(floor.GetPointsAttr().Get())
     assert np.array_equal(corners, [[0, 0, 0], [4, 0, 0], [4, 3, 1], [0, 3, 1]])
     homogeneous = np.column_stack([corners, np.ones(4)])
     assert np.allclose(homogeneous @ world_from(floor)[:3].T, homogeneous @ matrix, rtol=0, atol=1e-12)
+    for prim in stage.Traverse():
+        if UsdGeom.Xformable(prim):
+            own = np.array(UsdGeom.Xformable(prim).GetLocalTransformation())[:3, :3]
+            assert is_perpendicular(own), f"{prim.GetPath()}: location, rotation and scale say all of it"
+    assert not is_perpendicular(matrix[:3]), "the control"
     assert np.array_equal(floor.GetFaceVertexIndicesAttr().Get(), [0, 1, 2, 0, 2, 3])
     flat = UsdGeom.PrimvarsAPI(floor).GetPrimvar("normals")
     assert flat.GetInterpolation() == "uniform" and floor.GetDoubleSidedAttr().Get()

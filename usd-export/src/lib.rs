@@ -27,6 +27,7 @@ mod reader;
 mod scene_gltf;
 mod scene_stage;
 mod scene_triangles;
+mod shear;
 mod sky_picture;
 mod smooth_mesh;
 mod smooth_surface;

@@ -12,7 +12,7 @@ use rustc_hash::FxHashMap;
 
 use super::materials::Materials;
 use super::mesh_parts::{MeshParts, in_pieces, subset};
-use super::placement::{note, placement};
+use super::placement::{note, outer_and_inner, placement};
 use crate::notes::source_name;
 use crate::usd::{Array, ArrayElement, Prim, Property, Value};
 use crate::{Budget, Result};
@@ -50,7 +50,8 @@ pub(super) fn prim(
         colors.push(material.base_color);
         subsets.push(subset(number, Array::of(faces), &materials.path(material)));
     }
-    let mut properties = Vec::from(placement(&mesh.world_from_mesh));
+    let (outer, inner) = outer_and_inner(&mesh.world_from_mesh);
+    let mut properties = Vec::from(placement(inner.as_ref().unwrap_or(&outer)));
     let parts = MeshParts {
         extent,
         corner_counts: of_triangles(data, 1, |_, _, out| out.push(3i32)),
@@ -66,12 +67,18 @@ pub(super) fn prim(
         note("shadow_catcher", "bool", Value::Bool(mesh.shadow_catcher)),
     ]);
     properties.extend(normals(data));
-    Ok(Some(Prim {
-        name: format!("mesh_{}", mesh.id),
-        type_name: "Mesh",
-        properties,
-        children: subsets,
-        ..Prim::default()
+    let name = format!("mesh_{}", mesh.id);
+    let prim =
+        Prim { name: name.clone(), type_name: "Mesh", properties, children: subsets, ..Prim::default() };
+    Ok(Some(match inner {
+        None => prim,
+        Some(_) => Prim {
+            name,
+            type_name: "Xform",
+            properties: placement(&outer).into(),
+            children: vec![Prim { name: "mesh".into(), ..prim }],
+            ..Prim::default()
+        },
     }))
 }
 

@@ -4,7 +4,8 @@
 //! /Scene             Xform, component; payload </Contents>
 //! /Contents          class
 //!   /Materials         a UsdPreviewSurface for each material that is drawn
-//!   /volume_ID         Xform: world from index space, notes of the labels; variant set form, of the forms that were asked for
+//!   /volume_ID         Xform: world from index space, notes of the labels; variant set form, of the forms that were asked for. Where the
+//!                      matrix shears, the prim of each form has a part of it
 //!     {form=voxels}
 //!     /surface           Mesh: rectangles sorted by material, each material's a GeomSubset
 //!     {form=smooth}
@@ -15,7 +16,7 @@
 //!   /world             DomeLight
 //!   /sun_0 …           DistantLight
 //!   /lamp_0 …          SphereLight, with ShapingAPI for a spot; RectLight, DiskLight
-//!   /mesh_ID …         Mesh; each material's faces a GeomSubset
+//!   /mesh_ID …         Mesh; each material's faces a GeomSubset. Where its matrix shears, an Xform with the Mesh below it
 //! ```
 //! The forms `boxes`, `cells4` and `voxels` are the surfaces that the renderers draw at the levels of detail 16, 4 and 1; `instances` has all
 //! boxes whole, also where they coincide.
@@ -43,7 +44,7 @@ use crate::usd::{Prim, Specifier, Stage, Value, Variant, VariantSet};
 use crate::voxel_region::nothing_shown;
 use crate::{Budget, ExportOptions, Form, Reader, Result};
 use materials::Materials;
-use placement::{note, placement};
+use placement::{note, outer_and_inner, placement};
 
 pub(crate) use left_out::left_out_of_stage;
 
@@ -144,8 +145,17 @@ fn surroundings(
     Ok(prims)
 }
 
-fn volume_prim(drawn: &Drawn<'_>, selected: &str, variants: Vec<Variant<'static>>) -> Result<Prim<'static>> {
-    let mut properties = Vec::from(placement(&drawn.instance.world_from_index));
+fn volume_prim(
+    drawn: &Drawn<'_>,
+    selected: &str,
+    mut variants: Vec<Variant<'static>>,
+) -> Result<Prim<'static>> {
+    let (outer, inner) = outer_and_inner(&drawn.instance.world_from_index);
+    if let Some(inner) = inner {
+        let of_forms = variants.iter_mut().flat_map(|variant| &mut variant.children);
+        of_forms.for_each(|prim| prim.properties.extend(placement(&inner)));
+    }
+    let mut properties = Vec::from(placement(&outer));
     let notes = notes(drawn)?.into_iter();
     properties.extend(notes.map(|(name, text)| note(name, "string", Value::String(text))));
     Ok(Prim {

@@ -1,7 +1,11 @@
 //! Where a prim stands: its matrix, in USD's form and order.
+//!
+//! Importers that keep a translation, a rotation and a scale of each prim, as Blender's does, would lose a shear. So a matrix that shears is
+//! two, a prim's and that of the prim below it, and the product is the matrix to any reader ([`without_shear`]).
 
 use glam::{DAffine3, DMat3, DVec3};
 
+use crate::shear::without_shear;
 use crate::usd::{Property, Value};
 
 /// The properties that place a prim in the world. USD multiplies a row from the left, so rows of its matrix are columns of ours.
@@ -16,6 +20,12 @@ pub(super) fn placement(world_from_prim: &DAffine3) -> [Property<'static>; 2] {
         Property::new("xformOp:transform", "matrix4d", Value::Matrix4(rows)),
         Property::uniform("xformOpOrder", "token[]", Value::Tokens(vec!["xformOp:transform".into()])),
     ]
+}
+
+/// The matrix of a prim without its shear, and that of the prim below it that makes up for that; none where the matrix does not shear.
+pub(super) fn outer_and_inner(world_from_prim: &DAffine3) -> (DAffine3, Option<DAffine3>) {
+    let (outer, rotation) = without_shear(world_from_prim.matrix3);
+    (DAffine3 { matrix3: outer, ..*world_from_prim }, rotation.map(DAffine3::from_quat))
 }
 
 /// The same place and directions of the axes, with axes of length 1.
