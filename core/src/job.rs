@@ -2,7 +2,7 @@
 
 use std::ops::Range;
 use std::sync::atomic::{AtomicBool, AtomicU64, Ordering::Relaxed};
-use std::sync::{Mutex, MutexGuard, PoisonError};
+use std::sync::{Arc, Mutex, MutexGuard, PoisonError};
 
 use crate::{Error, Result};
 
@@ -17,10 +17,21 @@ use crate::{Error, Result};
 /// ```
 #[derive(Debug, Default)]
 pub struct Job {
-    cancelled: AtomicBool,
+    cancelled: CancelFlag,
     done: AtomicU64,
     total: AtomicU64,
     stages: Mutex<Stages>,
+}
+
+/// Whether a job is cancelled. The default belongs to no job, and is never set.
+#[derive(Clone, Debug, Default)]
+pub struct CancelFlag(Arc<AtomicBool>);
+
+impl CancelFlag {
+    /// Whether the job is cancelled.
+    pub fn is_set(&self) -> bool {
+        self.0.load(Relaxed)
+    }
 }
 
 /// Where the current stage lies in the job.
@@ -46,12 +57,17 @@ impl Job {
 
     /// Asks the work to stop at its next [`Job::check`].
     pub fn cancel(&self) {
-        self.cancelled.store(true, Relaxed);
+        self.cancelled.0.store(true, Relaxed);
     }
 
     /// Whether [`Job::cancel`] was called.
     pub fn is_cancelled(&self) -> bool {
-        self.cancelled.load(Relaxed)
+        self.cancelled.is_set()
+    }
+
+    /// The flag that [`Job::cancel`] sets, for whatever waits and has no job, such as the reader of a header on a silent server.
+    pub fn cancel_flag(&self) -> CancelFlag {
+        self.cancelled.clone()
     }
 
     /// # Errors

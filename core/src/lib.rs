@@ -88,7 +88,7 @@ pub use file::{
 pub use grid::BoxGrid;
 pub use info::{LabelNote, LabelType, Unit, VolumeInfo, WorldFrame};
 pub use input_file::{open_input, read_input};
-pub use job::Job;
+pub use job::{CancelFlag, Job};
 pub use kept_records::KeptRecords;
 pub use label_query::{LabelColumns, LabelQuery, Numbers, QueryError};
 pub use label_table::LabelTable;

@@ -139,6 +139,9 @@ pub enum FormatError {
     /// Memory is short.
     #[error(transparent)]
     Memory(NoMemory),
+    /// The caller gave up while a server was waited for ([`crate::OpenOptions::cancelled`]).
+    #[error("cancelled")]
+    Cancelled,
 }
 
 /// Formats as " (byte N of the file)" if N is known, else as nothing.
@@ -188,7 +191,10 @@ impl From<TargetError> for FormatError {
 
 impl From<FormatError> for pumice_core::Error {
     fn from(error: FormatError) -> Self {
-        Self::Source(Box::new(error))
+        match error {
+            FormatError::Cancelled => Self::Cancelled,
+            other => Self::Source(Box::new(other)),
+        }
     }
 }
 

@@ -4,7 +4,7 @@ use std::fmt;
 use std::path::PathBuf;
 use std::sync::{Arc, Mutex, PoisonError};
 
-use pumice_core::{LabelType, Outputs};
+use pumice_core::{CancelFlag, Job, LabelType, Outputs};
 
 pub use crate::store_options::{MissingChunks, Roi, Scale};
 
@@ -44,6 +44,8 @@ pub struct OpenOptions {
     pub outputs: Outputs,
     /// Which indices the caller has from a scene or a picture.
     pub recorded: Recorded,
+    /// Whether the caller has given up; headers on servers are then no longer waited for.
+    pub cancelled: CancelFlag,
 }
 
 /// Which of `layer`, `time` and `channel` a scene or a picture records. Index 0 of these is accepted where the file has one volume alone;
@@ -59,6 +61,11 @@ pub struct Recorded {
 }
 
 impl OpenOptions {
+    /// No options; what reads with them gives up soon after the job is cancelled.
+    pub fn heeding(job: &Job) -> Self {
+        Self { cancelled: job.cancel_flag(), ..Self::default() }
+    }
+
     /// The same, for reading a header that was read before: its warnings go nowhere.
     pub fn silent(&self) -> Self {
         Self { warnings: Warnings::default(), ..self.clone() }
@@ -84,6 +91,7 @@ impl OpenOptions {
             warnings: _,
             outputs: _,
             recorded: _,
+            cancelled: _,
         } = self;
         let all = [
             ("--layer", layer.is_some()),
@@ -316,6 +324,7 @@ mod tests {
             warnings: Warnings::default(),
             outputs: Outputs::default(),
             recorded: Recorded::default(),
+            cancelled: CancelFlag::default(),
         };
         let options = "--layer --time-step --channel --array --spacing --axes --raw-dims --scale --roi --label --dataset \
                        --missing-chunks --relabel";

@@ -7,11 +7,10 @@ use std::path::Path;
 use crate::error::{FormatError, Result};
 use crate::header_text::shorten;
 use crate::options::OpenOptions;
-use crate::store_files::plain_url;
 use crate::stream::open_file;
 use crate::volume_file::{Format, Takes, VolumeFile};
 use crate::{
-    hdf5_format, metaimage, n5, nifti, npy, npz, nrrd, precomputed, raw, stores, tiff, tiff_folder,
+    hdf5_format, metaimage, n5, nifti, npy, npz, nrrd, precomputed, raw, server, stores, tiff, tiff_folder,
     zarr_format,
 };
 
@@ -34,11 +33,20 @@ const FOLDERS: [Format; 3] = [zarr_format::FORMAT, precomputed::FORMAT, n5::FORM
 const HEAD_BYTES: u64 = 1024;
 
 /// Reads the header of a file, or of a folder that is a store or holds TIFF slices. Raw voxels are read where the options describe them.
+///
+/// # Errors
+/// [`FormatError::Cancelled`] soon after the caller has given up, also where a server is silent.
 pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
+    server::heeding(&options.cancelled, || read_any(path, options))
+        .map_err(|error| if options.cancelled.is_set() { FormatError::Cancelled } else { error })
+}
+
+fn read_any(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
     options.outputs.check_input(path)?;
-    if let (Some(url), Some(_)) = (plain_url(path), &options.raw) {
+    let url = stores::store_url(path);
+    if let (Some(url), Some(_)) = (&url, &options.raw) {
         return Err(FormatError::unsupported(
-            &url,
+            url,
             "raw voxels are not read from a server",
             "copy the file to this machine",
         ));
@@ -47,8 +55,8 @@ pub(crate) fn read(path: &Path, options: &OpenOptions) -> Result<VolumeFile> {
         refuse_others(path, options, Takes::NOTHING, "raw voxels", "raw voxels lie with x fastest")?;
         return raw::read(path, layout, options);
     }
-    if let Some(url) = plain_url(path) {
-        stores::server_descriptions(&url)?;
+    if let Some(url) = url {
+        stores::server_descriptions(&url, &options.cancelled)?;
         return match FOLDERS.iter().find(|format| (format.recognises)(&url, &[])) {
             Some(format) => read_folder(&url, format, options),
             None => Err(unknown(&url, "no store that is known")),

@@ -7,14 +7,16 @@
 //! Nobody logs in: buckets are public. What a server refuses (403) counts as absent, since buckets whose names may not be listed say that of
 //! every name that they do not have. Answers 408, 429 and 5xx, broken connections and silence are asked again a few times.
 
+use std::cell::RefCell;
 use std::collections::VecDeque;
 use std::io::{Error, ErrorKind, Read};
 use std::path::Path;
+use std::sync::mpsc::{RecvTimeoutError, channel};
 use std::sync::{Arc, LazyLock, Mutex, PoisonError};
 use std::time::{Duration, Instant};
 
 use pumice_core::error::one_line;
-use pumice_core::reserve;
+use pumice_core::{CancelFlag, reserve};
 use ureq::config::Config;
 use ureq::http::Response;
 use ureq::typestate::WithoutBody;
@@ -46,6 +48,9 @@ const MOST_REDIRECTS: usize = 5;
 
 /// How long a server may be silent.
 const SILENCE: Duration = Duration::from_secs(30);
+
+/// Interval at which whoever waits for a server looks whether it should.
+const LOOK_UP: Duration = Duration::from_millis(50);
 
 static AGENT: LazyLock<Agent> = LazyLock::new(|| config().new_agent());
 
@@ -111,6 +116,47 @@ fn escaped(url: &str) -> String {
     escaped
 }
 
+thread_local! {
+    /// Within [`heeding`], what tells this thread that nobody waits for the server any longer.
+    static CANCELLED: RefCell<Option<CancelFlag>> = const { RefCell::new(None) };
+}
+
+/// Runs `work`, in which what this thread asks a server ends soon after the flag is set.
+pub(crate) fn heeding<T>(flag: &CancelFlag, work: impl FnOnce() -> T) -> T {
+    /// Puts the former flag back, also where `work` panics.
+    struct Former(Option<CancelFlag>);
+    impl Drop for Former {
+        fn drop(&mut self) {
+            CANCELLED.set(self.0.take());
+        }
+    }
+    let _former = Former(CANCELLED.replace(Some(flag.clone())));
+    work()
+}
+
+/// The answer of a server, which within [`heeding`] a thread of its own asks: a silent server may be asked for minutes, and connections cannot
+/// be given up. Whoever reads voxels has threads for that.
+///
+/// # Errors
+/// Those of `ask`; [`ErrorKind::Other`] once the flag of this thread is set ([`heeding`]), and the thread that asks ends by itself.
+fn heard<T: Send + 'static>(ask: impl FnOnce() -> Result<T, Error> + Send + 'static) -> Result<T, Error> {
+    let Some(cancelled) = CANCELLED.with_borrow(Option::clone) else { return ask() };
+    let (send, answer) = channel();
+    // The receiver is gone where nobody waits any longer.
+    let asking = move || drop(send.send(ask()));
+    std::thread::Builder::new().name("pumice-server".into()).spawn(asking)?;
+    loop {
+        match answer.recv_timeout(LOOK_UP) {
+            Ok(answer) => return answer,
+            Err(RecvTimeoutError::Disconnected) => {
+                return Err(Error::other("the thread that asks has ended"));
+            }
+            Err(RecvTimeoutError::Timeout) if cancelled.is_set() => return Err(Error::other("cancelled")),
+            Err(RecvTimeoutError::Timeout) => {}
+        }
+    }
+}
+
 /// Reads a part of a file, of at most `most` bytes.
 ///
 /// # Errors
@@ -120,7 +166,7 @@ pub(crate) fn read(path: &Path, part: Part, most: u64) -> Result<Vec<u8>, Error>
         return Ok(Vec::new());
     }
     let url = http_url(path)?;
-    with_tries(|| read_once(&AGENT, &url, part, most))
+    heard(move || with_tries(|| read_once(&AGENT, &url, part, most)))
 }
 
 fn read_once(agent: &Agent, url: &str, part: Part, most: u64) -> Result<Vec<u8>, Failure> {
@@ -147,7 +193,7 @@ fn read_once(agent: &Agent, url: &str, part: Part, most: u64) -> Result<Vec<u8>,
 #[cfg(feature = "zarr")]
 pub(crate) fn size(path: &Path) -> Result<u64, Error> {
     let url = http_url(path)?;
-    with_tries(|| size_once(&AGENT, &url))
+    heard(move || with_tries(|| size_once(&AGENT, &url)))
 }
 
 fn size_once(agent: &Agent, url: &str) -> Result<u64, Failure> {

@@ -2,6 +2,7 @@
 
 use std::path::{Path, PathBuf};
 
+use pumice_core::CancelFlag;
 use pumice_core::error::one_line;
 use serde_json::Value;
 
@@ -19,16 +20,31 @@ const DESCRIPTIONS: [&str; 6] = ["zarr.json", ".zarray", ".zgroup", ".zattrs", "
 pub(crate) fn folder_of(path: &Path) -> Option<&Path> {
     let name = path.file_name()?.to_str()?;
     let folder = path.parent()?;
-    (DESCRIPTIONS.contains(&name) && path.is_file())
+    (DESCRIPTIONS.contains(&name) && store_files::is_file(path))
         .then(|| if folder.as_os_str().is_empty() { Path::new(".") } else { folder })
+}
+
+/// The URL of a store on a server, which is that of its folder where the path is that of a file that describes it; `None` for files of this
+/// machine.
+pub(crate) fn store_url(path: &Path) -> Option<PathBuf> {
+    let url = plain_url(path)?;
+    Some(folder_of(&url).map(Path::to_owned).unwrap_or(url))
 }
 
 /// The files that describe a store on a server, by name. What the server says other than that one is absent is an error.
 ///
 /// # Errors
-/// When the server cannot be read, or has none of them.
-pub fn server_descriptions(url: &Path) -> std::result::Result<Vec<(&'static str, Vec<u8>)>, FormatError> {
-    let Some(folder) = plain_url(url) else {
+/// When the server cannot be read, or has none of them; [`FormatError::Cancelled`] soon after the caller has given up.
+pub fn server_descriptions(
+    url: &Path,
+    cancelled: &CancelFlag,
+) -> std::result::Result<Vec<(&'static str, Vec<u8>)>, FormatError> {
+    server::heeding(cancelled, || descriptions(url))
+        .map_err(|error| if cancelled.is_set() { FormatError::Cancelled } else { error })
+}
+
+fn descriptions(url: &Path) -> Result<Vec<(&'static str, Vec<u8>)>> {
+    let Some(folder) = store_url(url) else {
         return Err(FormatError::option(url, "expected the URL of a store"));
     };
     let folder = folder.as_path();

@@ -56,7 +56,7 @@ pub(crate) fn export(
         labels,
         selected: Vec::new(),
         region: region.map(|[x0, y0, z0, x1, y1, z1]| [[x0, y0, z0], [x1, y1, z1]]),
-        reading: OpenOptions::default(),
+        reading: OpenOptions::heeding(&job),
     };
     let exported = released(py, &job, || export_file(&request, &mut |_| {}, &job))?;
     serde_json::to_string(&exported).map_err(|e| input(&e))
@@ -107,7 +107,7 @@ pub(crate) fn verify(
         level,
         memory_limit: None,
         overrides: RenderOverrides { size, ..RenderOverrides::default() },
-        reading: OpenOptions::default(),
+        reading: OpenOptions::heeding(&job),
         command,
     };
     let watched = Arc::clone(&job);

@@ -27,8 +27,8 @@ pub(crate) fn open_state(
 ) -> PyResult<(Scene, Vec<Volume>, Vec<String>)> {
     let state = state_of(text, &path)?;
     let folder = path.parent().unwrap_or(&path);
-    let reading = OpenOptions::default();
     let job = job_of(job);
+    let reading = OpenOptions::heeding(&job);
     let opened = released(py, &job, || {
         neuroglancer::open_state(&state, &layer_files, (folder, size), (&reading, Residence::Copied), &job)
     })?;

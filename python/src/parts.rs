@@ -53,7 +53,7 @@ pub(crate) fn compress_part(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Vec<String>> {
     let job = job_of(job);
-    let (chunks, reading) = (set_of(chunks)?, reading(read_as)?);
+    let (chunks, reading) = (set_of(chunks)?, reading(read_as, &job)?);
     let frames = match frames {
         Frames::Files(inputs) => {
             let request = PartRequest {
@@ -94,7 +94,7 @@ pub(crate) fn compress_file(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<(String, Vec<String>)> {
     let job = job_of(job);
-    let (level, reading) = (level_of(level)?, reading(read_as)?);
+    let (level, reading) = (level_of(level)?, reading(read_as, &job)?);
     let (types, table) = given.as_ref().map_or(Ok((None, None)), Given::parts)?;
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };

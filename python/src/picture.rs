@@ -293,7 +293,7 @@ fn open_sources(
         None => Residence::Copied,
         limit => Residence::within(limit),
     };
-    pumice_session::open_shown(scene, None, &OpenOptions::default(), residence, job)
+    pumice_session::open_shown(scene, None, &OpenOptions::heeding(job), residence, job)
 }
 
 /// As `open_sources`, without the interpreter.

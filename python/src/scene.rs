@@ -55,7 +55,7 @@ impl Scene {
 
     /// The scene with the file of its first instance read in this way.
     fn with_reading(&self, read_as: ReadAs) -> PyResult<Self> {
-        let said = recorded(&reading(read_as)?);
+        let said = recorded(&reading(read_as, &pumice_core::Job::new())?);
         let mut scene = self.0.clone();
         scene.instances.iter_mut().take(1).for_each(|instance| instance.reading = said.clone());
         scene.validate().map_err(IntoException::into_exception)?;

@@ -47,7 +47,7 @@ pub(crate) fn compress_series(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<(String, Vec<String>)> {
     let job = job_of(job);
-    let (level, reading) = (level_of(level)?, reading(read_as)?);
+    let (level, reading) = (level_of(level)?, reading(read_as, &job)?);
     let steps: Option<TimeSteps> = parsed("time_steps", time_steps)?;
     let (types, table) = given.as_ref().map_or(Ok((None, None)), Given::parts)?;
     let options =

@@ -67,6 +67,7 @@ type RawAs = ([u64; 3], String, bool, u64);
 
 pub(crate) fn reading(
     (layer, time, channel, array, spacing, axes, raw, store): ReadAs,
+    job: &pumice_core::Job,
 ) -> PyResult<OpenOptions> {
     let (scale, roi, label, dataset, missing_chunks, relabel) = store;
     let scale: Option<Scale> = parsed("scale", scale)?;
@@ -101,6 +102,7 @@ pub(crate) fn reading(
         dataset,
         missing_chunks,
         relabel,
+        cancelled: job.cancel_flag(),
         ..OpenOptions::default()
     })
 }
@@ -408,7 +410,7 @@ impl Volume {
         job: Option<&Bound<'_, Job>>,
     ) -> PyResult<Volume> {
         let job = job_of(job);
-        let reading = reading(read_as)?;
+        let reading = reading(read_as, &job)?;
         let more = || pumice_session::open_more_labels(&self.0, &path, &labels, &reading, &job);
         Ok(Volume(released(py, &job, more)?))
     }
@@ -423,7 +425,7 @@ impl Volume {
         job: Option<&Bound<'_, Job>>,
     ) -> PyResult<Option<String>> {
         let job = job_of(job);
-        let reading = reading(read_as)?;
+        let reading = reading(read_as, &job)?;
         with_source(py, source, &reading, &job, |source| {
             let found = pumice_core::verify(&self.0, source, &job)?;
             Ok((!matches!(found, Verification::Same { .. })).then(|| found.to_string()))
@@ -448,7 +450,7 @@ pub(crate) fn open(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<Opened> {
     let job = job_of(job);
-    let reading = reading(read_as)?;
+    let reading = reading(read_as, &job)?;
     let residence = match memory {
         Some(memory) => Residence::paged(&memory.get().0),
         None if mapped => Residence::Mapped,
@@ -472,7 +474,7 @@ pub(crate) fn probe(
     job: Option<&Bound<'_, Job>>,
 ) -> PyResult<String> {
     let job = job_of(job);
-    let reading = reading(read_as)?;
+    let reading = reading(read_as, &job)?;
     let info = released(py, &job, || match &query {
         None => pumice_session::file_info(&path, &reading, &job),
         Some(line) => pumice_session::shown_info(&path, &pumice_session::parse_query(line)?, &reading, &job),
@@ -549,7 +551,7 @@ pub(crate) fn compress(
 ) -> PyResult<Opened> {
     let job = job_of(job);
     let (types, table) = given.as_ref().map_or(Ok((None, None)), Given::parts)?;
-    let reading = reading(read_as)?;
+    let reading = reading(read_as, &job)?;
     let options =
         CompressOptions { threads, memory_limit_bytes: memory_limit, types, ..CompressOptions::default() };
     let annotated = |mut volume| {

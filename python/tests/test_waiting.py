@@ -2,6 +2,7 @@
 
 import os
 import signal
+import socket
 import subprocess
 import sys
 import threading
@@ -39,6 +40,35 @@ def test_another_thread_runs_and_cancels(endless):
     thread.join()
     # If the call held the GIL, the thread could not have run, and nobody would have cancelled.
     assert len(turns) == 50 and job.cancelled
+
+
+CALLS = {
+    "open": lambda url, job, out: pumice.open(url, job=job),
+    "probe": lambda url, job, out: pumice.probe(url, job=job),
+    "compress_file": lambda url, job, out: pumice.compress_file(url, out, job=job),
+}
+
+
+@pytest.mark.parametrize("call", CALLS)
+def test_a_silent_server_is_not_waited_for_once_the_job_is_cancelled(call, tmp_path):
+    """It counts as silent after 30 seconds, and is then asked three times more."""
+    job, heard = pumice.Job(), threading.Event()
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+
+        def cancel():
+            connection, _ = silent.accept()
+            with connection:
+                job.cancel()
+                assert heard.wait(20.0), "the call goes on"
+
+        thread = threading.Thread(target=cancel, daemon=True)
+        thread.start()
+        with pytest.raises(pumice.Cancelled, match="^cancelled$"):
+            CALLS[call](f"http://127.0.0.1:{silent.getsockname()[1]}/cells", job, tmp_path / "cells.pumice")
+        assert thread.is_alive(), "the connection was still open"
+        heard.set()
+        thread.join()
+    assert list(tmp_path.iterdir()) == []
 
 
 @pytest.fixture(scope="module")

@@ -11,7 +11,7 @@ pub enum SessionError {
     Core(#[from] pumice_core::Error),
     /// An error of a reader or writer of label volumes.
     #[error(transparent)]
-    Format(#[from] pumice_formats::FormatError),
+    Format(pumice_formats::FormatError),
     /// An error in a scene.
     #[error("{}: {source}", path.display())]
     Scene {
@@ -45,6 +45,15 @@ pub enum SessionError {
 impl From<pumice_core::TargetError> for SessionError {
     fn from(error: pumice_core::TargetError) -> Self {
         Self::Core(error.into())
+    }
+}
+
+impl From<pumice_formats::FormatError> for SessionError {
+    fn from(error: pumice_formats::FormatError) -> Self {
+        match error {
+            pumice_formats::FormatError::Cancelled => Self::Core(pumice_core::Error::Cancelled),
+            other => Self::Format(other),
+        }
     }
 }
 

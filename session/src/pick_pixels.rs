@@ -109,7 +109,7 @@ fn find_voxels(picture: &Picture, picked: &mut [PickedPixel], job: &Job) -> Resu
         let ids = pixels.iter().filter_map(|&i| picked[i].label).collect();
         let found = placed(picture, id).and_then(|(instance, _)| {
             let show = Show::Only(ids);
-            let reading = options_for(&instance.reading, &OpenOptions::default());
+            let reading = options_for(&instance.reading, &OpenOptions::heeding(job));
             let volume = open_chosen(&instance.source, &[&show], &reading, Residence::Mapped, job)?;
             pixels
                 .iter()

@@ -35,6 +35,7 @@ pub fn options_for(instance: &Reading, caller: &OpenOptions) -> OpenOptions {
         relabel: caller.relabel.clone().or_else(|| instance.relabel.clone()),
         warnings: caller.warnings.clone(),
         outputs: caller.outputs.clone(),
+        cancelled: caller.cancelled.clone(),
         recorded: Recorded {
             layer: caller.layer.is_none(),
             time: caller.time.is_none(),
@@ -68,6 +69,7 @@ pub fn recorded(options: &OpenOptions) -> Reading {
         warnings: _,
         outputs: _,
         recorded: _,
+        cancelled: _,
     } = options;
     Reading {
         layer: *layer,

@@ -15,7 +15,7 @@ use std::io::{Read, Seek, SeekFrom};
 use std::path::{Path, PathBuf};
 use std::time::UNIX_EPOCH;
 
-use pumice_core::{PartSource, open_input};
+use pumice_core::{CancelFlag, PartSource, open_input};
 use pumice_formats::{OpenOptions, is_on_server, server_descriptions};
 use xxhash_rust::xxh3::{Xxh3, xxh3_64};
 
@@ -43,7 +43,7 @@ pub fn source_of(path: &Path, reading: &OpenOptions) -> Result<PartSource> {
 /// As [`source_of`].
 pub(crate) fn source_of_all(paths: &[&Path], reading: &OpenOptions) -> Result<PartSource> {
     let mut hash = Xxh3::new();
-    paths.iter().try_for_each(|path| add_source(path, &mut hash))?;
+    paths.iter().try_for_each(|path| add_source(path, &mut hash, &reading.cancelled))?;
     reading.relabel.iter().try_for_each(|table| add_file(table, &mut hash))?;
     let path = paths.first().copied().unwrap_or(Path::new(""));
     let name = path.file_name().unwrap_or(path.as_os_str()).to_string_lossy().into_owned();
@@ -51,9 +51,9 @@ pub(crate) fn source_of_all(paths: &[&Path], reading: &OpenOptions) -> Result<Pa
 }
 
 /// Adds what tells a file or folder from others.
-fn add_source(path: &Path, hash: &mut Xxh3) -> Result<()> {
+fn add_source(path: &Path, hash: &mut Xxh3, cancelled: &CancelFlag) -> Result<()> {
     if is_on_server(path) {
-        for (name, bytes) in server_descriptions(path)? {
+        for (name, bytes) in server_descriptions(path, cancelled)? {
             hash.update(name.as_bytes());
             hash.update(&(bytes.len() as u64).to_le_bytes());
             hash.update(&bytes);
@@ -81,7 +81,7 @@ fn add_source(path: &Path, hash: &mut Xxh3) -> Result<()> {
 pub fn changes_of(path: &Path, reading: &OpenOptions) -> Result<Vec<(u64, u32, u64)>> {
     if is_on_server(path) {
         let of_file = |(_, bytes): (&str, Vec<u8>)| (xxh3_64(&bytes), 0, bytes.len() as u64);
-        return Ok(server_descriptions(path)?.into_iter().map(of_file).collect());
+        return Ok(server_descriptions(path, &reading.cancelled)?.into_iter().map(of_file).collect());
     }
     let files = files_of(path)?;
     let own = if files.is_empty() { vec![path.to_owned()] } else { files };

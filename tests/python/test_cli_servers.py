@@ -222,6 +222,41 @@ def test_parts_and_resuming_take_servers(pumice, tmp_path):
         assert "source" in run(pumice, "merge", tmp_path / "part", tmp_path / "other", "-o", tmp_path / "n.pumice").refused()
 
 
+@pytest.mark.parametrize("command", [["info"], ["compress"], ["compress", "--resume"]], ids=" ".join)
+def test_an_interrupt_is_heard_while_a_server_is_silent(pumice, tmp_path, command):
+    """A server that takes connections and answers nothing is asked for two minutes; of a header, too, nobody has to wait for the end."""
+    with socket.create_server(("127.0.0.1", 0)) as silent:
+        url = f"http://127.0.0.1:{silent.getsockname()[1]}/store"
+        silent.settimeout(60.0)
+        asking = []
+
+        def interrupt(process):
+            asking.append(silent.accept()[0])
+            assert asking[0].recv(1000).startswith(b"GET /store/")
+            process.send_signal(subprocess.signal.SIGINT)
+
+        out = [] if command == ["info"] else ["-o", tmp_path / "b.pumice"]
+        # A server counts as silent after 30 seconds.
+        run(pumice, *command, url, *out, meanwhile=interrupt, limit_seconds=20).cancelled()
+        asking[0].close()
+    assert list(tmp_path.iterdir()) == []
+
+
+def test_the_file_that_describes_a_store_stands_for_it(pumice, tmp_path):
+    """As in a folder of this machine; a store of that name is still a store."""
+    for write, names in ((zarr_3, ["zarr.json"]), (zarr_2, [".zarray"]), (precomputed, ["info"]), (n5, ["attributes.json"])):
+        shutil.rmtree(tmp_path / "store", ignore_errors=True)
+        write(tmp_path / "store")
+        with serving(tmp_path) as server:
+            of_folder = json.loads(run(pumice, "info", f"{server.url}/store", "--json").fine())
+            for name in names:
+                of_file = json.loads(run(pumice, "info", f"{server.url}/store/{name}", "--json").fine())
+                assert of_file == of_folder
+    (tmp_path / "store").rename(tmp_path / "info")
+    with serving(tmp_path) as server:
+        assert json.loads(run(pumice, "info", f"{server.url}/info", "--json").fine())["dims"] == of_folder["dims"]
+
+
 def test_an_interrupt_ends_it(pumice, tmp_path):
     """While the server thinks: the answers that are under way are not waited for."""
     zarr_3(tmp_path / "store")

@@ -34,7 +34,7 @@ pub(crate) fn level_of(level: CompressionLevel) -> pumice_session::CompressionLe
 }
 
 pub(crate) fn run(args: &Compress, job: &Arc<Job>) -> Result<Answer, Failure> {
-    let reading = open_options(&args.reading);
+    let reading = open_options(&args.reading, job);
     declare_report(&reading.outputs, args.json.as_deref())?;
     let threads = args.threads.map(usize::from);
     let bar = Bar::follow_whole("compressing", job);

@@ -40,7 +40,7 @@ pub(crate) fn run(args: &Export, job: &Arc<Job>) -> Result<Answer, Failure> {
         labels: ids(&args.labels),
         selected: all_but_ids(&args.labels),
         region: args.region,
-        reading: open_options(&args.reading),
+        reading: open_options(&args.reading, job),
     };
     declare_report(&request.reading.outputs, args.json.as_deref())?;
     let is_quiet = args.json.as_deref() == Some(std::path::Path::new("-"));

@@ -11,10 +11,10 @@ use crate::failure::{Failure, print, say};
 
 pub(crate) fn run(args: &Info, job: &Arc<Job>) -> Result<Answer, Failure> {
     if args.list.labels {
-        label_list::print(&args.file, &args.list, &open_options(&args.reading), job)?;
+        label_list::print(&args.file, &args.list, &open_options(&args.reading, job), job)?;
         return Ok(Answer::Yes);
     }
-    let reading = open_options(&args.reading);
+    let reading = open_options(&args.reading, job);
     let info = match &args.list.query {
         Some(query) => shown_info(&args.file, &parse_query(query)?, &reading, job)?,
         None => file_info(&args.file, &reading, job)?,

@@ -17,14 +17,14 @@ pub(crate) mod verify;
 pub(crate) mod verify_render;
 
 use pumice_core::Outputs;
-use pumice_session::{MissingChunks, OpenOptions, RawLayout, Recorded, Warnings};
+use pumice_session::{Job, MissingChunks, OpenOptions, RawLayout, Recorded, Warnings};
 
 use crate::args::{Missing, Reading};
 use crate::failure::warn_at_work;
 
 /// Converts the flags on reading to the options that the readers of `pumice-formats` take. What a reader finds odd, or assumes, is printed to
 /// standard error as soon as it is known.
-fn open_options(reading: &Reading) -> OpenOptions {
+fn open_options(reading: &Reading, job: &Job) -> OpenOptions {
     OpenOptions {
         layer: reading.layer,
         time: reading.time_step,
@@ -53,5 +53,6 @@ fn open_options(reading: &Reading) -> OpenOptions {
         warnings: Warnings::told_to(|line| warn_at_work(format_args!("warning: {line}"))),
         outputs: Outputs::default(),
         recorded: Recorded::default(),
+        cancelled: job.cancel_flag(),
     }
 }

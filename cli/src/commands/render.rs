@@ -69,7 +69,7 @@ pub(crate) fn run(args: &Render, job: &Arc<Job>) -> Result<Answer, Failure> {
             figure: args.figure.flags(),
         },
         annotations: args.annotate.annotations(),
-        reading: open_options(&args.reading),
+        reading: open_options(&args.reading, job),
         sources: args.source.clone(),
         paths: if args.no_paths { PicturePaths::None } else { PicturePaths::Relative },
         threads: args.threads.map(usize::from),

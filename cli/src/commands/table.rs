@@ -17,7 +17,7 @@ pub(crate) fn run(args: &Table, job: &Arc<Job>) -> Result<Answer, Failure> {
         out: args.out.clone(),
         format: args.format,
         query: args.query.clone(),
-        reading: open_options(&args.reading),
+        reading: open_options(&args.reading, job),
     };
     let written = write_labels(&request, job)?;
     drop(bar);

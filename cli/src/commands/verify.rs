@@ -12,7 +12,8 @@ use crate::progress::Bar;
 
 pub(crate) fn run(args: &Verify, job: &Arc<Job>) -> Result<Answer, Failure> {
     let bar = Bar::follow("verifying", job);
-    let verified = verify_file(&args.file, &args.inputs, args.time_steps, &open_options(&args.reading), job)?;
+    let verified =
+        verify_file(&args.file, &args.inputs, args.time_steps, &open_options(&args.reading, job), job)?;
     let input = args.inputs.iter().map(|input| input.display().to_string()).collect::<Vec<_>>().join(", ");
     drop(bar);
     match verified.found {

@@ -38,7 +38,7 @@ pub(crate) fn run(args: &VerifyRender, job: &Arc<Job>) -> Result<Answer, Failure
             figure: FigureFlags { pick: args.pick, ..FigureFlags::default() },
             ..RenderOverrides::default()
         },
-        reading: open_options(&args.reading),
+        reading: open_options(&args.reading, job),
         command: std::env::args().collect::<Vec<_>>().join(" "),
     };
     declare_report(&request.reading.outputs, args.json.as_deref())?;
