@@ -125,6 +125,7 @@ def judge(ours, theirs):
     return found
 
 
+@pytest.mark.turn(1, 3)
 def test_f12_agrees_with_cycles_and_faults_are_convicted(scene, blender, tmp_path):
     theirs = pictures(blender, scene, tmp_path, "CYCLES", 1)
     ours = pictures(blender, scene, tmp_path, "PUMICE", 101)

@@ -7,7 +7,7 @@
 //! ```
 
 use std::collections::{BTreeMap, HashSet};
-use std::io::{BufRead, BufReader, Read, Seek};
+use std::io::{BufRead, BufReader, Read, Seek, SeekFrom};
 use std::panic::{AssertUnwindSafe, catch_unwind};
 use std::path::Path;
 
@@ -32,6 +32,9 @@ use crate::{Image, InstanceLabels, Pass, Picture, PictureError, Provenance};
 /// Largest compression ratio that is believed. Deflate, the strongest of EXR's codecs, reaches 1032; twice that leaves room for the
 /// others. A file that claims more is damaged, and is refused before memory is reserved for it.
 const MAX_EXPANSION: u64 = 2048;
+/// What every OpenEXR file begins with (*OpenEXR File Layout*, magic number).
+const MAGIC: [u8; 4] = [0x76, 0x2F, 0x31, 0x01];
+
 /// Number of chunks that are decompressed at once.
 const BATCH_CHUNKS: usize = 64;
 
@@ -115,7 +118,17 @@ impl From<exr::error::Error> for Failure {
     }
 }
 
-fn read_from(bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Failure> {
+fn read_from(mut bytes: impl Read + Seek, length_bytes: u64) -> Result<Picture, Failure> {
+    let mut start = [0; MAGIC.len()];
+    let is_exr = match bytes.read_exact(&mut start) {
+        Ok(()) => start == MAGIC,
+        Err(e) if e.kind() == std::io::ErrorKind::UnexpectedEof => false,
+        Err(e) => return Err(Failure::Io(e)),
+    };
+    if !is_exr {
+        return Err(Failure::File("expected an OpenEXR file, got another kind of file".into()));
+    }
+    bytes.seek(SeekFrom::Start(0)).map_err(Failure::Io)?;
     let reader = exr::block::read(bytes, false)?;
     let (layer, prefix) = choose(reader.headers())?;
     let header = reader.headers()[layer].clone();
@@ -678,8 +691,9 @@ mod tests {
             (&layers, "one layer that has them, got layers \"A.Combined\", \"B.Combined\""),
             (&float_label, "label.index: expected whole numbers"),
             (&ids, "expected 32 bit floats (FLOAT), in which ids are exact"),
-            (b"P6 1 1 255 abc", "damaged OpenEXR file"),
-            (b"", "damaged OpenEXR file"),
+            (b"P6 1 1 255 abc", "expected an OpenEXR file"),
+            (b"", "expected an OpenEXR file"),
+            (&two[..60], "damaged OpenEXR file"),
         ] {
             match parse(bytes) {
                 Err(Failure::File(what)) => {

@@ -12,6 +12,7 @@ import pytest
 sys.path.insert(0, str(Path(__file__).resolve().parents[2] / "tests/cycles_ladder"))
 import pass_reference
 import rung as rungs
+from share import one_of_today
 
 SEEDS = 12
 # Kinds of light that are present in each rung.
@@ -26,11 +27,7 @@ SEEN = {
 NOISIER = {("11_glass", "glossy_direct"): 1.05, ("11_glass", "glossy_indirect"): 1.2}
 
 
-# The last rung takes its turn with the long tests.
-ALWAYS, IN_TURN = pass_reference.RUNGS[:-1], pytest.param(pass_reference.RUNGS[-1], marks=pytest.mark.full)
-
-
-@pytest.fixture(scope="module", params=[*ALWAYS, IN_TURN])
+@pytest.fixture(scope="module", params=one_of_today(pass_reference.RUNGS))
 def drawn(request, tmp_path_factory):
     """(name, pictures by kind, reference) of a rung."""
     rung = rungs.Rung(request.param, tmp_path_factory.mktemp("rung"))

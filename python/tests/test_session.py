@@ -237,6 +237,7 @@ print(json.dumps([said, status.error, [np.array_equal(colors, one.color) for one
 """
 
 
+@pytest.mark.turn(1, 2)
 def test_the_processor_draws_while_a_device_compiles(volume, tmp_path):
     """The last frame has the bits of the device, of the scene as it was edited meanwhile."""
     volume.save(tmp_path / "a.pumice")

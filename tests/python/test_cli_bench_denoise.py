@@ -31,6 +31,7 @@ def test_each_picture_has_a_row_with_and_without_the_denoiser(measured):
     assert (measured / "denoise_sky-floor.svg").read_text().startswith("<svg")
 
 
+@pytest.mark.turn(2, 4)
 def test_a_vulkan_backend_draws_and_denoises_the_same_pictures(pumice, data, measured, tmp_path):
     flags = ["--only", "sky-floor", "--spp", "8", "--backend", "vulkan-compute", "--out", tmp_path]
     run(pumice, "bench", "denoise", data / "slicer_Segmentation.seg.nrrd", *TINY, *flags).fine()

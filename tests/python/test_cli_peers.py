@@ -8,6 +8,9 @@ import sys
 import pytest
 from command import run
 
+# All programs together take most of a minute.
+IN_TURN = pytest.mark.turn(3, 4)
+
 COMMITTED = pathlib.Path(__file__).parents[2] / "bench/results/peers.csv"
 SMALL = "platynereis_nuclei.tif"
 # The output of deflate depends on the zlib that Python was built with. Every other program brings its own coder.
@@ -37,6 +40,7 @@ def measured(pumice, data, tmp_path_factory):
     return out, said
 
 
+@IN_TURN
 def test_bytes_are_those_of_the_committed_table(measured):
     out, said = measured
     assert str(out / "peers.md") in said
@@ -49,6 +53,7 @@ def test_bytes_are_those_of_the_committed_table(measured):
         assert differing({p: row for p, row in got.items() if p != program}, expected) == [program]
 
 
+@IN_TURN
 def test_the_table_is_whole_and_its_figures_are_possible(measured):
     out, _ = measured
     rows = rows_of(out / "peers.csv", SMALL)
@@ -63,6 +68,7 @@ def test_the_table_is_whole_and_its_figures_are_possible(measured):
     assert voxel["zstd"] > 10 * voxel["compressed_segmentation"]
 
 
+@IN_TURN
 def test_levels_are_each_at_its_own_bytes_and_seconds(pumice, data, tmp_path):
     volume = "slicer_Segmentation.seg.nrrd"
     without = [p for p in rows_of(COMMITTED, SMALL) if not p.startswith("Pumice") and p not in {"zstd", "NIfTI + gzip"}]

@@ -156,7 +156,7 @@ def test_what_cannot_be_told_is_refused_in_one_line(pumice, stage, tmp_path):
         ((tmp_path / "depth.exr", "0,0"), "has no label pass"),
         ((tmp_path / "none.exr", "0,0"), "No such file"),
         (("/dev/null", "0,0"), "expected an ordinary file, got a device"),
-        ((folder / "names.csv", "0,0"), "damaged OpenEXR file"),
+        ((folder / "names.csv", "0,0"), "expected an OpenEXR file, got another kind of file"),
         ((tmp_path, "0,0"), str(tmp_path)),
     ]:
         line = run(pumice, "pick", *arguments).refused()

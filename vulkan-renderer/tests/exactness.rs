@@ -107,15 +107,22 @@ struct Front {
 static FRONTS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 static OTHERS: Mutex<Option<Vec<Front>>> = Mutex::new(None);
 
-/// Compute shaders with native doubles that compare floats first, and one of the others, which changes daily: each hardware backend with native
-/// doubles, and on one day in eight compute shaders with emulated doubles, which take minutes to compile for a CPU.
+/// Compute shaders with native doubles that compare floats first, and every other day one of the others: each hardware backend with native
+/// doubles, or compute shaders with emulated doubles, which take minutes to compile for a CPU.
 fn fronts() -> Shared<Vec<Front>> {
     let made = || {
         let [rays, queries] = [Backend::RayPipeline, Backend::RayQuery];
-        let hardware = [(rays, FLOATS), (queries, FLOATS), (rays, DOUBLES), (queries, DOUBLES)];
-        let mut others = [&hardware[..], &hardware[..3], &[(Backend::Compute, IN_INTEGERS)]].concat();
-        others.retain(|(backend, _)| gpu::backends().contains(backend));
-        let wanted = std::iter::once((Backend::Compute, FLOATS)).chain(of_today(&others));
+        let others = [
+            (rays, FLOATS),
+            (queries, FLOATS),
+            (rays, DOUBLES),
+            (queries, DOUBLES),
+            (Backend::Compute, IN_INTEGERS),
+        ];
+        let others = others.into_iter().filter(|(backend, _)| gpu::backends().contains(backend));
+        let turns: Vec<_> = others.flat_map(|other| [None, Some(other)]).collect();
+        let wanted =
+            std::iter::once((Backend::Compute, FLOATS)).chain(of_today(&turns).into_iter().flatten());
         let mut different: Vec<(Backend, Numbers)> = Vec::new();
         for (backend, numbers) in wanted {
             let numbers = Numbers { native: numbers.native && Gpu::of(backend).has_f64, ..numbers };

@@ -40,12 +40,14 @@ const PARTS: [(&str, u64, &str); 14] = [
 ];
 /// Parts that run at once. Three on two cores end no sooner: `rust`, the longest, is then alone at the end (2,150 s, and 2,120 s with two).
 const AT_ONCE: usize = 2;
-/// Test programs of `pumice-vulkan` that take turns by day. Their manifest says `test = false`, so that a plain `cargo test` passes them by.
-const BY_TURNS: [&str; 2] = ["renderer_query", "renderer_pipeline"];
+/// Test programs of `pumice-vulkan` that take turns by day, the first of each pair on even days. Their manifest says `test = false`, so that
+/// a plain `cargo test` passes them by.
+const BACKENDS_BY_TURNS: [&str; 2] = ["renderer_query", "renderer_pipeline"];
+const COMPUTE_BY_TURNS: [&str; 2] = ["renderer_passes", "renderer"];
 
-/// Which of their tests run without `--full`: what a device keeps after edits and failures. The pictures of their other tests are drawn by
-/// `renderer` each day, and by these backends in the Python module's ladder.
-const OF_BY_TURNS: [&str; 3] = ["--", "edits::", "failures::"];
+/// Which tests of the hardware backends run without `--full`: what a device keeps after edits and failures. The pictures of their other
+/// tests are drawn by `renderer`, and by these backends in the Python module's ladder.
+const OF_BACKENDS: [&str; 3] = ["--", "edits::", "failures::"];
 
 /// The oldest Blender that is supported, and the tests that also run in it with `--full`: its importers read files as others do.
 const OLDEST_BLENDER: &str = "4.2.23";
@@ -330,21 +332,21 @@ impl Suite {
             "blender" => return self.blender_steps(),
             "vulkan-env" => return Ok(vec![PrivateMesa::new(&self.target).step(&self.root)]),
             "rust" => {
+                let of_backends: &[&str] = if self.full { ignored } else { &OF_BACKENDS };
                 // Of the whole workspace, as in each call here: a package by itself is compiled anew with fewer features.
-                let mut by_turns = vec!["test", "--workspace", "--no-fail-fast"];
-                self.backends_of_the_day().iter().for_each(|name| by_turns.extend(["--test", name]));
-                by_turns.extend(if self.full {
-                    ["--", "--include-ignored"].as_slice()
-                } else {
-                    &OF_BY_TURNS
-                });
+                let by_turns = |programs: &[&'static str], of_them: &[&'static str]| {
+                    let named = programs.iter().flat_map(|name| ["--test", *name]);
+                    let args = ["test", "--workspace", "--no-fail-fast"].into_iter().chain(named);
+                    self.cargo(&args.chain(of_them.iter().copied()).collect::<Vec<_>>())
+                };
                 let share = self.share.to_string();
                 let mut check = vec!["run", "--quiet", "--package", "xtask", "--", "shaders", "--check"];
                 check.extend(["--share", &share].iter().filter(|_| !self.full));
                 vec![
                     self.cargo(&check),
                     self.cargo(&[&["test", "--workspace", "--tests", "--no-fail-fast"], ignored].concat()),
-                    self.cargo(&by_turns),
+                    by_turns(self.of_the_day(&COMPUTE_BY_TURNS), ignored),
+                    by_turns(self.backends_of_the_day(), of_backends),
                 ]
             }
             "rust-docs" => vec![self.cargo(&["test", "--workspace", "--doc", "--no-fail-fast"])],
@@ -376,12 +378,18 @@ impl Suite {
     /// Which of the renderers that differ from `renderer`'s in how a device finds surfaces are tested: one a day, both with `--full`. Where
     /// the device lacks ray queries and `PUMICE_TEST_BACKENDS` says so, it is the other.
     fn backends_of_the_day(&self) -> &'static [&'static str] {
-        let [queries, pipelines] = [&BY_TURNS[..1], &BY_TURNS[1..]];
         match std::env::var("PUMICE_TEST_BACKENDS") {
-            Ok(named) if !named.contains("vulkan-query") => pipelines,
-            _ if self.full => &BY_TURNS,
-            _ if self.share.is_multiple_of(2) => queries,
-            _ => pipelines,
+            Ok(named) if !named.contains("vulkan-query") => &BACKENDS_BY_TURNS[1..],
+            _ => self.of_the_day(&BACKENDS_BY_TURNS),
+        }
+    }
+
+    /// One of two programs: the first on even days; both with `--full`.
+    fn of_the_day<'a>(&self, pair: &'a [&'static str; 2]) -> &'a [&'static str] {
+        match (self.full, self.share.is_multiple_of(2)) {
+            (true, _) => pair,
+            (false, true) => &pair[..1],
+            (false, false) => &pair[1..],
         }
     }
 
@@ -436,9 +444,15 @@ impl Suite {
 
     /// The ignored tests whose turn it is. The Python ones run within their own parts (see `tests/python/share.py`).
     fn share_command(&self) -> Result<Command, Outcome> {
-        let list = ["test", "--quiet", "--workspace", "--tests", "--", "--ignored", "--list"];
-        let listing =
-            self.cargo(&list).output().map_err(|e| Outcome::Failed(format!("cargo test --list: {e}")))?;
+        let programs: Vec<&str> = ["--tests"]
+            .into_iter()
+            .chain(COMPUTE_BY_TURNS.iter().flat_map(|name| ["--test", name]))
+            .collect();
+        let list = [&["test", "--quiet", "--workspace"], &programs[..], &["--", "--ignored", "--list"]];
+        let listing = self
+            .cargo(&list.concat())
+            .output()
+            .map_err(|e| Outcome::Failed(format!("cargo test --list: {e}")))?;
         if !listing.status.success() {
             let said = String::from_utf8_lossy(&listing.stderr);
             return Err(Outcome::Failed(format!("cargo test --list: {}", said.trim())));
@@ -447,8 +461,9 @@ impl Suite {
         if names.is_empty() {
             return Err(Outcome::LeftOut(format!("no ignored Rust test is in share {}", self.share)));
         }
-        let run = ["test", "--workspace", "--tests", "--no-fail-fast", "--", "--ignored", "--exact"];
-        let args: Vec<&str> = run.into_iter().chain(names.iter().map(String::as_str)).collect();
+        let run = ["test", "--workspace", "--no-fail-fast"].into_iter().chain(programs);
+        let run = run.chain(["--", "--ignored", "--exact"]);
+        let args: Vec<&str> = run.chain(names.iter().map(String::as_str)).collect();
         Ok(self.cargo(&args))
     }
 

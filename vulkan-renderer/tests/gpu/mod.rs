@@ -8,7 +8,7 @@ pub(crate) mod scene;
 pub(crate) mod tiny;
 /// (The shaders of each backend take a minute or more to compile for a CPU.)
 #[path = "../../../tests/tests/turns/mod.rs"]
-mod turns;
+pub(crate) mod turns;
 pub(crate) mod validated;
 
 use std::cell::RefCell;

@@ -12,6 +12,7 @@ use pumice_vulkan::pack::ShaderNeeds;
 
 use crate::device::Front;
 use crate::gpu::hardware_backends;
+use crate::gpu::turns::some_of_today;
 use crate::paths;
 use crate::samples::{asked, found, tolerance};
 use crate::scenes::{Case, cases};
@@ -70,10 +71,11 @@ fn parted(case: &Case, sums: &[f32], expected: &[f32]) -> (usize, f64) {
     (parted, mean + 5.0 * mean.sqrt() + 3.0)
 }
 
+/// A third of the scenes a day.
 #[test]
 fn films_are_the_cpus_and_alike_on_the_days_backends() {
     let fronts = paths();
-    for case in chosen() {
+    for case in some_of_today(&chosen(), 3) {
         let expected = cpu_film(&case);
         let first = fronts[0].film(&case, SPP);
         let (parted, most) = parted(&case, &first, expected.sums());
@@ -141,12 +143,15 @@ fn name_all(case: &mut Case) {
     }
 }
 
-/// Sums of render passes: light by kind, colours, normals, alpha, clamped light. The scenes are those in which most of these occur.
+/// Sums of render passes: light by kind, colours, normals, alpha, clamped light. The scenes are those in which most of these occur, half of
+/// them a day.
 #[test]
 fn passes_are_the_cpus_and_alike_on_the_days_backends() {
     let fronts = paths();
     let names = ["all surfaces under a picture", "glass, clear", "lamps of all kinds", "occlusion"];
-    for mut case in cases().into_iter().filter(|c| names.iter().any(|n| c.name.contains(n))) {
+    let chosen: Vec<Case> =
+        cases().into_iter().filter(|c| names.iter().any(|n| c.name.contains(n))).collect();
+    for mut case in some_of_today(&chosen, 2) {
         case.film.transparent = true;
         let groups = [Pass::LIGHT, Pass::MATTES, &[Pass::Albedo, Pass::Normal]].concat();
         (case.film.passes, case.film.cryptomatte_ranks) = (groups.into_iter().collect(), 2);
