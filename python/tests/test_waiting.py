@@ -42,14 +42,14 @@ def test_another_thread_runs_and_cancels(endless):
     assert len(turns) == 50 and job.cancelled
 
 
-CALLS = {
+OPENINGS = {
     "open": lambda url, job, out: pumice.open(url, job=job),
     "probe": lambda url, job, out: pumice.probe(url, job=job),
     "compress_file": lambda url, job, out: pumice.compress_file(url, out, job=job),
 }
 
 
-@pytest.mark.parametrize("call", CALLS)
+@pytest.mark.parametrize("call", OPENINGS)
 def test_a_silent_server_is_not_waited_for_once_the_job_is_cancelled(call, tmp_path):
     """It counts as silent after 30 seconds, and is then asked three times more."""
     job, heard = pumice.Job(), threading.Event()
@@ -64,7 +64,7 @@ def test_a_silent_server_is_not_waited_for_once_the_job_is_cancelled(call, tmp_p
         thread = threading.Thread(target=cancel, daemon=True)
         thread.start()
         with pytest.raises(pumice.Cancelled, match="^cancelled$"):
-            CALLS[call](f"http://127.0.0.1:{silent.getsockname()[1]}/cells", job, tmp_path / "cells.pumice")
+            OPENINGS[call](f"http://127.0.0.1:{silent.getsockname()[1]}/cells", job, tmp_path / "cells.pumice")
         assert thread.is_alive(), "the connection was still open"
         heard.set()
         thread.join()
