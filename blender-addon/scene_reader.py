@@ -192,9 +192,15 @@ def render_warnings(scene, view_layer):
         out.append("Transparent Glass is not drawn: what is seen through glass is opaque")
     if render.film_transparent and not drawn.TRANSPARENT:
         out.append("A transparent film is not drawn yet; the background is opaque")
-    exposure = getattr(getattr(scene, "cycles", None), "film_exposure", 1.0)
+    cycles = getattr(scene, "cycles", None)
+    exposure = getattr(cycles, "film_exposure", 1.0)
     if exposure != 1.0:
         out.append(f"Film Exposure of Cycles, {exposure:.3g}, is not drawn")
+    off = [kind for kind in ("reflective", "refractive") if not getattr(cycles, f"caustics_{kind}", True)]
+    if off:
+        out.append(f"{' and '.join(off).capitalize()} caustics are off in Cycles, and drawn all the same")
+    if getattr(cycles, "use_fast_gi", False):
+        out.append("Fast GI Approximation of Cycles is not drawn: light bounces as often as Bounces says")
     if render.use_motion_blur:
         out.append("Motion blur is not drawn")
     return out

@@ -252,7 +252,7 @@ def test_what_is_not_drawn_of_an_object_is_named(blender, stage):
     assert set(left_out) - set(said) == {left_out[3]}, "the panel does not read matrices"
 
 
-def test_what_a_view_layer_switches_off_is_named(blender, extension):
+def test_what_a_view_layer_or_cycles_switches_off_is_named(blender, extension):
     scene, layer = blender.context.scene, blender.context.view_layer
     assert extension.scene_reader.render_warnings(scene, layer) == []
     layer.use_solid, layer.use_sky, scene.cycles.film_exposure = False, False, 2.0
@@ -261,6 +261,13 @@ def test_what_a_view_layer_switches_off_is_named(blender, extension):
         f"View layer {layer.name}: Environment is off, and drawn all the same",
         "Film Exposure of Cycles, 2, is not drawn",
     ]
+    layer.use_solid, layer.use_sky, scene.cycles.film_exposure = True, True, 1.0
+    scene.cycles.caustics_reflective, scene.cycles.use_fast_gi = False, True
+    fast = "Fast GI Approximation of Cycles is not drawn: light bounces as often as Bounces says"
+    assert extension.scene_reader.render_warnings(scene, layer) == ["Reflective caustics are off in Cycles, and drawn all the same", fast]
+    scene.cycles.caustics_refractive, scene.cycles.use_fast_gi = False, False
+    both = "Reflective and refractive caustics are off in Cycles, and drawn all the same"
+    assert extension.scene_reader.render_warnings(scene, layer) == [both]
 
 
 def test_smooth_shading_is_named_where_it_is_not_drawn(blender, stage, drawn, monkeypatch):

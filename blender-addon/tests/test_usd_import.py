@@ -143,6 +143,21 @@ def test_a_smoothed_surface_arrives_closed_with_its_normals(blender, tmp_path):
     assert 0.8 < cosines.mean() < 0.999 and (cosines > 0).mean() > 0.97
 
 
+def test_glass_of_an_obj_arrives(blender, tmp_path):
+    scene = json.loads(scene_of(tmp_path))
+    (style,) = (instance["style"] for instance in scene["instances"])
+    first = next(iter(style["materials"]))
+    style["materials"][first].update(transmission=0.75, ior=1.33)
+    (tmp_path / "scene.json").write_text(json.dumps(scene))
+    command = os.environ.get("PUMICE", ROOT / "target" / "debug" / "pumice")
+    out = tmp_path / "ct.obj"
+    subprocess.run([command, "export", tmp_path / "scene.json", "-o", out, "--form", "boxes"], check=True, capture_output=True)
+    blender.ops.wm.obj_import(filepath=str(out))
+    found = [next(n for n in m.node_tree.nodes if n.type == "BSDF_PRINCIPLED").inputs for m in blender.data.materials]
+    glass = [(i["Transmission Weight"].default_value, i["IOR"].default_value) for i in found if i["Transmission Weight"].default_value]
+    assert len(found) == LABELS and np.allclose(glass, [(0.75, 1.33)], rtol=CLOSE, atol=0)
+
+
 # Each number passes through at most four roundings to single precision, of 6e-8 each.
 CLOSE = 1e-6
 POSE = [0.8, 0.6, 0.0, -0.36, 0.48, 0.8, 0.48, -0.64, 0.6, 30.0, -40.0, 20.0]

@@ -114,6 +114,11 @@ def test_a_scene_says_what_it_leaves_out(pumice, data, tmp_path):
     done = run(pumice, "export", tmp_path / "clear.json", "-o", tmp_path / "o.glb")
     between = "faces between labels that touch, which light reaches through glass and alpha"
     assert done.err == f"pumice: left out: the world, {between}\n", done
+    # Of a single label there are none.
+    clear["instances"][0]["style"]["show"] = {"only": [2]}
+    (tmp_path / "clear.json").write_text(json.dumps(clear))
+    done = run(pumice, "export", tmp_path / "clear.json", "-o", tmp_path / "o.glb")
+    assert done.err == "pumice: left out: the world\n", done
     dim = json.loads(scene.read_text())
     dim["camera"] |= {"shift": [0.1, 0], "aperture": {"radius": 0.1, "focus_distance": 5}}
     area = {"world_from_light": [1, 0, 0, 0, 1, 0, 0, 0, 1, 0, 0, 0], "outline": "rectangle", "size": [1, 2]}

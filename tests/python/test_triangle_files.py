@@ -113,6 +113,7 @@ def test_obj_has_a_group_for_each_label(folder, name):
         assert [float(glow[key]) for key in ("d", "Pc", "Pcr", "Ps", "Pr")] == [0.25, 0.5, 0.2, 0.75, 0.5] and glow["Ke"] == "5 4 3"
         metal, glass = (written[materials[labels.index(label)]] for label in (3, 0))
         assert metal["Pm"] == "1" and glass["Ni"] == "1.33" and metal["Kd"] == "0.8 0.8 0.8"
+        assert glass["Tf"] == "1 1 1" and "Tf" not in metal
     # Another reader finds as many triangles, and the materials.
     read = trimesh.load(folder / f"{name}.voxels.obj", process=False)
     parts = [read] if isinstance(read, trimesh.Trimesh) else list(read.geometry.values())

@@ -1,6 +1,6 @@
 //! What a scene has and its file has not.
 
-use pumice_scene::Scene;
+use pumice_scene::{Scene, Show};
 
 use crate::scene_gltf::left_out_of_gltf;
 use crate::scene_stage::left_out_of_stage;
@@ -18,7 +18,9 @@ pub fn left_out_of(scene: &Scene, format: FileFormat, forms: &[Form], surroundin
     if format == FileFormat::Stl {
         all.push("labels and materials".into());
     }
-    if scene.instances.iter().any(|instance| instance.style.lets_light_through()) {
+    let shows_one = |show: &Show| matches!(show, Show::Only(ids) if ids.len() < 2);
+    let styles = || scene.instances.iter().map(|instance| &instance.style);
+    if styles().any(|style| style.lets_light_through() && !shows_one(&style.show)) {
         all.push("faces between labels that touch, which light reaches through glass and alpha".into());
     }
     if !scene.cuts.is_empty() && forms.contains(&Form::Instances) {

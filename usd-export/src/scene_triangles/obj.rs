@@ -10,7 +10,8 @@
 //! f 1 2 3 4                  numbers count from 1 through the whole file
 //! ```
 //! In the `.mtl` `Kd` is the base colour, linear, and `Pr`, `Pm`, `Pc`, `Pcr`, `Ps` are the extension for physically based materials, which
-//! Blender and others read. Transmission, tints and subsurface scattering have no word.
+//! Blender and others read. `Tf` is transmission where there is any, as Blender writes and reads it. Tints and subsurface scattering have no
+//! word.
 
 use std::io::Write;
 use std::path::Path;
@@ -109,6 +110,9 @@ pub(super) fn write_material(name: &str, material: &Material, out: &mut dyn Writ
         material.alpha
     )?;
     writeln!(out, "illum 2\nPr {}\nPm {}", material.roughness, material.metallic)?;
+    if material.transmission > 0.0 {
+        writeln!(out, "Tf {}", rgb([material.transmission; 3]))?;
+    }
     writeln!(out, "Pc {}\nPcr {}\nPs {}", material.coat, material.coat_roughness, material.sheen)?;
     Ok(())
 }
