@@ -40,7 +40,7 @@ pub mod values;
 pub mod verify_render;
 
 pub use backend::{Device, FallbackRenderer, devices, make_renderer};
-pub use compare_files::compare_pictures;
+pub use compare_files::{ComparedPictures, compare_pictures};
 pub use compress_file::{
     CompressOutcome, CompressRequest, LabelsGiven, Verified, compress_file, read_types, verify_file,
 };

@@ -471,6 +471,17 @@ def test_compare(pumice, compressed, picture, tmp_path):
     assert other["rel_mse"] == pytest.approx(np.mean((a - b) ** 2 / (b**2 + 0.01)), rel=1e-4)
     assert other["psnr"] > 0 and 0 < other["ssim"] < 1 and 0 < other["flip"] < 1
     assert run(pumice, "compare", noisy, picture[0], "--max-rel-mse", "1e-9").code == 1
+    assert "alpha_rmse" not in other
+    # Alpha, which an opaque picture has as 1.
+    clear = tmp_path / "clear.exr"
+    run(pumice, "render", compressed["ct"][0], "-o", clear, *picture[2], "--transparent").fine()
+    alpha = planes(clear)["ViewLayer.Combined.A"].astype(float)
+    assert 0.0 < alpha.mean() < 1.0
+    line = run(pumice, "compare", clear, picture[0], "--json", tmp_path / "c.json").fine()
+    rmse = np.sqrt(np.mean((alpha - 1.0) ** 2))
+    assert json.loads((tmp_path / "c.json").read_text())["alpha_rmse"] == pytest.approx(rmse, rel=1e-6)
+    assert line.rstrip().endswith(f"alpha RMSE {rmse:.5f}")
+    assert json.loads(run(pumice, "compare", clear, clear, "--json", "-").fine())["alpha_rmse"] == 0.0
 
 
 def test_devices(pumice):
