@@ -47,6 +47,14 @@ impl PrivateMesa {
         if !chosen {
             self.environment(command);
             command.env("GALLIVM_PERF", "nopt");
+            // Without AVX-512 LLVM takes gathers apart in a time that grows with the square of a function's length: at half the width of
+            // AVX2 compiling takes a sixth less and drawing a little more, 801 CPU seconds instead of 864 in five test programs.
+            #[cfg(target_arch = "x86_64")]
+            if !std::is_x86_feature_detected!("avx512f") {
+                command.env("LP_NATIVE_VECTOR_WIDTH", "128");
+                // Mesa's cache does not know the width.
+                command.env("MESA_SHADER_CACHE_DIR", self.folder.join("cache-128"));
+            }
             *command = with_stacks(command);
         } else if let Some(driver) = self.shader_compiler() {
             command.env(COMPILER, driver);
