@@ -34,6 +34,7 @@ class Wanted:
 
     def __init__(self, obj, timed=None, frame=None):
         settings, table = obj.pumice, obj.pumice.table
+        self.name = obj.name
         timed, frame = timed or obj, time_settings.now() if frame is None else frame
         self.most_faces = settings.proxy_faces
         self.ids, self.visible = label_table.ids(table), label_table.visible(table)
@@ -61,7 +62,8 @@ class Wanted:
         return None if self.visible.all() else (self.ids, self.visible)
 
     def surface(self, volume, job=None):
-        """The coarse surface of an open volume; runs without the interpreter's lock."""
+        """The coarse surface of an open volume; runs without the interpreter's lock. Raises Refused where the volume has other labels."""
+        label_table.require_rows(self.ids, volume.labels, self.name)
         return volume.coarse_surface(self.visible, most_faces=self.most_faces, job=job)
 
 

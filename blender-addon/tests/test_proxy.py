@@ -13,7 +13,7 @@ from stand_ins import Volume
 
 @pytest.fixture
 def modules(extension):
-    names = ("volume_object", "proxy", "proxy_material", "proxy_update", "label_table", "registry")
+    names = ("volume_object", "proxy", "proxy_material", "proxy_update", "label_table", "registry", "reports")
     return {n: importlib.import_module(f"{extension.__name__}.{n}") for n in names}
 
 
@@ -162,6 +162,15 @@ def test_the_timer_makes_in_a_thread_what_has_changed(made, modules):
     modules["label_table"].set_color(table, [0], (0.5, 0.5, 0.5))
     assert ticks(update) == 1, "colors are written at once"
     assert (column(made.data, "Label Color", "color", 4)[:, 0] == 0.5).all()
+
+
+def test_a_volume_with_other_labels_is_refused_by_the_name_of_the_object(made, modules):
+    wanted = modules["proxy"].Wanted(made)
+    other = Volume()
+    assert len(wanted.surface(other).quads) > 0
+    other.labels = type(other.labels)([5, 6])
+    with pytest.raises(modules["reports"].Refused, match="^cells: the volume has changed since it was imported"):
+        wanted.surface(other)
 
 
 def test_a_missing_volume_leaves_the_proxy_as_it_is(made, modules, blender):
