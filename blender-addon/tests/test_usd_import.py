@@ -151,7 +151,7 @@ def test_glass_of_an_obj_arrives(blender, tmp_path):
     (tmp_path / "scene.json").write_text(json.dumps(scene))
     command = os.environ.get("PUMICE", ROOT / "target" / "debug" / "pumice")
     out = tmp_path / "ct.obj"
-    subprocess.run([command, "export", tmp_path / "scene.json", "-o", out, "--form", "boxes"], check=True, capture_output=True)
+    subprocess.run([command, "export", tmp_path / "scene.json", "-o", out, "--form", "voxels"], check=True, capture_output=True)
     blender.ops.wm.obj_import(filepath=str(out))
     found = [next(n for n in m.node_tree.nodes if n.type == "BSDF_PRINCIPLED").inputs for m in blender.data.materials]
     glass = [(i["Transmission Weight"].default_value, i["IOR"].default_value) for i in found if i["Transmission Weight"].default_value]

@@ -475,7 +475,7 @@ def test_compare(pumice, compressed, picture, tmp_path):
     # Alpha, which an opaque picture has as 1.
     clear = tmp_path / "clear.exr"
     run(pumice, "render", compressed["ct"][0], "-o", clear, *picture[2], "--transparent").fine()
-    alpha = planes(clear)["ViewLayer.Combined.A"].astype(float)
+    alpha = planes(clear)["A"].astype(float)
     assert 0.0 < alpha.mean() < 1.0
     line = run(pumice, "compare", clear, picture[0], "--json", tmp_path / "c.json").fine()
     rmse = np.sqrt(np.mean((alpha - 1.0) ** 2))
