@@ -158,7 +158,9 @@ def settle(blender, view, context):
         view.sync(context, blender.context.evaluated_depsgraph_get())
         view.draw(context, blender.context.evaluated_depsgraph_get())
         view.poll()
-        done = view.session is not None and not view.waiting and view.frame is not None and view.frame.converged
+        # A volume that is open and waits for its update (`_waited`) is not drawn yet.
+        waits = view.waiting or view._waited
+        done = view.session is not None and not waits and view.frame is not None and view.frame.converged
         # A finished frame of an earlier revision does not count.
         if done and view.frame.revision == view.session.status.revision:
             return view.frame
