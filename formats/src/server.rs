@@ -49,7 +49,7 @@ const MOST_REDIRECTS: usize = 5;
 /// How long a server may be silent.
 const SILENCE: Duration = Duration::from_secs(30);
 
-/// Interval at which whoever waits for a server looks whether it should.
+/// Interval at which a thread that waits for a server polls its [`CancelFlag`].
 const LOOK_UP: Duration = Duration::from_millis(50);
 
 static AGENT: LazyLock<Agent> = LazyLock::new(|| config().new_agent());
