@@ -251,6 +251,8 @@ class PUMICE_OT_labels_color(OnLabels, bpy.types.Operator):
     )
 
     def change(self, _context, table):
+        if not np.isfinite(self.color).all():
+            raise Refused(f"color: expected three finite numbers, got {tuple(self.color)}")
         label_table.set_color(table, selected(table), tuple(self.color))
         tag_users(table)
 

@@ -146,7 +146,7 @@ impl Stability {
     }
 }
 
-/// Measures all cases and calls `watch` with each; `reduced` traces fewer rays, leaves out crowds of lamps, and takes seconds.
+/// Measures all cases and calls `watch` with each; `reduced` traces fewer rays, has crowds of fewer lamps, and takes seconds.
 ///
 /// # Errors
 /// When the backend is unavailable or fails, or the job is cancelled.

@@ -205,6 +205,10 @@ def test_colors_stay_with_their_labels(blender, volume, table):
     blender.ops.pumice.labels_select(ids="")
     blender.ops.pumice.labels_recolor()
     assert np.array_equal(table.colors(mesh), before) and not table.own_color(mesh).any()
+    select(blender, 17)
+    with pytest.raises(RuntimeError, match="color: expected three finite numbers, got .*nan"):
+        blender.ops.pumice.labels_color(color=(0.25, float("nan"), 0.75))
+    assert np.array_equal(table.colors(mesh), before)
     with pytest.raises(RuntimeError, match="no label of the table has a type"):
         blender.ops.pumice.labels_recolor(palette="TYPE")
     with pytest.raises(RuntimeError, match="no column 'mass'; it has voxels"):

@@ -344,8 +344,9 @@ impl FilmBuffer {
 
     /// Estimated relative error of the whole picture; infinite with less than one sample per class.
     ///
-    /// μ² = w·(m² − var)⁺ + (1 − w)·a², w = m² / (m² + 16 var), where a is the mean of the up to 8 pixels around,
-    /// without the pixel itself: a rare bright sample must not raise the value that its error is divided by.
+    /// μ² = w·q + (1 − w)·a², q = (m² − var)⁺, w = q / (q + 16 var), where a is the mean of the up to 8 pixels around, without the pixel
+    /// itself: a rare bright sample must not raise the value that its error is divided by. One sample s among dim ones of r has var = s²/n²
+    /// and m² − var = 2sr/n, little beside s² and much beside r²: so w follows from that difference, not from m².
     pub fn error_estimate(&self) -> f64 {
         if self.spp() < CLASSES {
             return f64::INFINITY;
@@ -391,8 +392,9 @@ impl FilmBuffer {
                         }
                     }
                     around /= f64::max(n, 1.0);
-                    let certain = mean * mean / (mean * mean + 16.0 * var);
-                    let square = certain * (mean * mean - var).max(0.0) + (1.0 - certain) * around * around;
+                    let known = (mean * mean - var).max(0.0);
+                    let certain = known / (known + 16.0 * var);
+                    let square = certain * known + (1.0 - certain) * around * around;
                     *sum += var / (square + FLOOR);
                 }
             }
@@ -422,5 +424,19 @@ mod tests {
         assert_eq!(film.error_estimate(), 0.0);
         film.sums_mut(8);
         assert_eq!((film.spp(), film.mean_spp()), (8, 8.0));
+    }
+
+    /// One sample of 16 is brighter than all that is around by a factor of 10 to 10⁵: the estimate is the error that the picture has.
+    #[test]
+    fn a_single_bright_sample_is_estimated_as_the_error_that_it_is() {
+        for bright in [2f32, 30.0, 2e4] {
+            let mut film = FilmBuffer::new(9, 9).unwrap();
+            let sums = film.sums_mut(16);
+            sums.fill(4.0 * 0.2);
+            sums[40 * STRIDE..40 * STRIDE + 3].fill(4.0 * 0.2 + bright);
+            let relative = f64::from(bright / 16.0).powi(2) / (0.2 * 0.2 + FLOOR);
+            let (estimate, truth) = (film.error_estimate(), (relative / 81.0).sqrt());
+            assert!((0.85..1.1).contains(&(estimate / truth)), "{bright}: {estimate} for {truth}");
+        }
     }
 }

@@ -46,6 +46,12 @@ def _lamps(scene):
         lamp["power_w"] *= 1.02
 
 
+def _balls(scene):
+    for lamp in scene["lights"]:
+        (shape,) = lamp["shape"].values()
+        shape["soft_falloff"] = False
+
+
 def _sky(scene):
     (kind, sky), = scene["world"]["environment"].items()
     if kind == "constant":
@@ -131,6 +137,7 @@ FAULTS = {
     "emission 2 %": _in_materials("emission", 1.02),
     "sun 2 %": _sun,
     "lamps 2 %": _lamps,
+    "balls": _balls,
     "sky 2 %": _sky,
     "sky turned 4°": _sky_turned,
     "focal length 1 %": _focal_length,

@@ -45,8 +45,12 @@ def judged():
 
 def described(name):
     """The rung's fields: its file merged into the base."""
-    base, own = (json.loads((FOLDER / "rungs" / f"{n}.json").read_text()) for n in ("base", name))
-    return merged(base, own)
+    return completed(json.loads((FOLDER / "rungs" / f"{name}.json").read_text()))
+
+
+def completed(own):
+    """The fields of a rung, merged into the base."""
+    return merged(json.loads((FOLDER / "rungs" / "base.json").read_text()), own)
 
 
 def merged(base, patch):
@@ -82,12 +86,12 @@ def turning(axis, angle_rad):
 class Rung:
     """A prepared rung: its labels, its scene as a dictionary, its faces for Cycles."""
 
-    def __init__(self, name, folder):
-        """`folder` receives the files that the scene refers to."""
+    def __init__(self, name, folder, own=None):
+        """`folder` receives the files that the scene refers to. `own`: fields in place of those of the file `rungs/NAME.json`."""
         import pumice
 
         self.name, self.folder = name, Path(folder)
-        self.fields = described(name)
+        self.fields = described(name) if own is None else completed(own)
         self.seeds, self.spp = self.fields["seeds"], self.fields["spp"]
         crop = self.fields["crop"]
         self.labels, spacing = cut_out(crop)

@@ -467,3 +467,49 @@ fn extreme_lamps_give_finite_light() {
     }
     assert!(lit > 300, "{lit} samples carry light");
 }
+
+/// A lamp at height 2 that shines down in a cone.
+fn spot_above(radius: f64, angle_rad: f64, blend: f32) -> ReadyLamp {
+    ReadyLamp::new(&light(LightShape::Spot {
+        position: [0.0, 0.0, 2.0],
+        direction: [0.0, 0.0, -1.0],
+        radius,
+        angle_rad,
+        blend,
+        soft_falloff: false,
+    }))
+}
+
+/// Cones and spreads count: lamps are chosen by the light that they let through, and not where they let none through.
+#[test]
+fn lamps_are_not_chosen_for_light_that_cone_or_spread_holds_back() {
+    let area = |size, spread_rad| area(2.0, Outline::Rectangle, size, spread_rad);
+    // Range of the weight over the irradiance, and the distance from the axis past which there is no light.
+    for (what, lamp, range, dark_from) in [
+        ("a point in a cone", spot_above(0.0, 1.5, 0.5), 0.99..1.01, 1.87),
+        ("a point in a sharp cone", spot_above(0.0, 1.5, 0.0), 0.99..1.01, 1.87),
+        ("a ball in a cone", spot_above(0.2, 1.5, 0.5), 0.8..1.3, 2.8),
+        ("a small area with a spread", area([0.1, 0.2], 1.2), 0.9..1.2, 1.6),
+        ("a wide area with a spread", area([2.0, 2.0], 1.2), 0.7..1.3, 3.4),
+        ("a wide area with a narrow spread", area([2.0, 2.0], 0.2), 0.45..1.0, 1.7),
+        ("a beam", area([2.0, 2.0], 0.0), 0.99..1.01, 1.5),
+    ] {
+        let brightest = irradiance(&lamp, &floor(0.0, 0.0), 64);
+        let (mut lit, mut dark) = (0, 0);
+        for x in 0..80 {
+            let from = floor(0.05 * f64::from(x) + 0.013, 0.03);
+            let (weight, true_one) = (f64::from(lamp.irradiance_at(&from)), irradiance(&lamp, &from, 64));
+            assert!(true_one == 0.0 || weight > 0.0, "{what} from {from:?}");
+            if true_one > 0.05 * brightest {
+                lit += 1;
+                let ratio = weight / true_one;
+                assert!(range.contains(&ratio), "{what} from {from:?}: {weight} for {true_one}");
+            }
+            if from.point.x > dark_from {
+                dark += 1;
+                assert!(weight == 0.0, "{what} from {from:?}: {weight}");
+            }
+        }
+        assert!(lit > 5 && dark > 5, "{what}: {lit} {dark}");
+    }
+}

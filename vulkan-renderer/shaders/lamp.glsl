@@ -5,7 +5,7 @@
 #include "lamp_area.glsl"
 #include "lamp_disk.glsl"
 
-const float LEAST_SQUARED_TO_LAMP = 1e-30;
+const float WIDEST_TAN = 1e18;
 const float LEAST_LAMP_COSINE = 1e-3;
 
 vec3 to_middle_of(Lamp lamp, Receiver from) {
@@ -22,17 +22,33 @@ float lamp_irradiance_at(Lamp lamp, Receiver from) {
     }
     float u = lamp.half_extent[0], v = lamp.half_extent[1];
     float radius = is_flat ? sqrt(u * u + v * v) : u;
+    vec2 share = vec2(1.0);
+    if (lamp.kind == LAMP_SPOT) {
+        share.x = about_through_cone(lamp, way);
+    } else if (is_flat && lamp.tan_half_spread < WIDEST_TAN) {
+        LitPart lit = lit_part(lamp, way);
+        if (!lit.found) {
+            return 0.0;
+        }
+        way = lit.way;
+        radius = lit.radius;
+        share = lit.share;
+    }
     float squared = max(max(dot(way, way), radius * radius), LEAST_SQUARED_TO_LAMP);
     float distance_to = sqrt(squared);
     float cosine = 1.0;
     if (!from.both_sides) {
         cosine = clamp((dot(way, from.normal) + radius) / distance_to + HORIZON, 0.0, 1.0);
     }
-    float irradiance = lamp.intensity;
-    if (!(is_flat && lamp.tan_half_spread == 0.0)) {
-        irradiance *= (is_flat ? max(height / distance_to, LEAST_LAMP_COSINE) : 1.0) / squared;
+    if (!is_flat) {
+        return lamp.intensity * (share.x / squared) * cosine;
     }
-    return irradiance * cosine;
+    if (lamp.tan_half_spread == 0.0) {
+        return lamp.intensity * cosine;
+    }
+    // One share after the other, so that a small one of a wide lamp does not underflow.
+    float lamp_cosine = max(height / distance_to, LEAST_LAMP_COSINE);
+    return lamp.intensity * (share.x / distance_to) * (share.y / distance_to) * lamp_cosine * cosine;
 }
 
 // Samples a direction towards it.

@@ -6,14 +6,24 @@
 #include "spherical_rectangle.glsl"
 
 const float LEAST_SOLID_ANGLE = 4e-3;
+const float LEAST_THROUGH_SPREAD = 0.05;
 
 // The part of an area lamp that is sampled from a receiver: a rectangle in its plane, or the whole ellipse.
 struct Part {
     bool found;
     vec2 lo;
     vec2 hi;
+    vec2 size;
     float height;
     bool ellipse;
+};
+
+// The part of an area lamp that lights a receiver, as far as it matters for choosing among lights.
+struct LitPart {
+    bool found;
+    vec3 way;
+    float radius;
+    vec2 share;
 };
 
 // Whether a position relative to the centre, along the sides, is within the outline.
@@ -49,13 +59,40 @@ Part part(Lamp lamp, vec3 to_middle) {
     if (lo.x >= hi.x || lo.y >= hi.y) {
         return result;
     }
-    float wide = (hi.x - lo.x) * (hi.y - lo.y);
+    result.size = hi - lo;
+    float wide = result.size.x * result.size.y;
     result.ellipse = lamp.kind == LAMP_ELLIPSE && wide >= PI * half_extent.x * half_extent.y;
     // From here on relative to the receiver's foot point in the plane.
     result.lo = lo - foot;
     result.hi = hi - foot;
     result.found = true;
     return result;
+}
+
+// What lights a receiver above the plane of the lamp.
+LitPart lit_part(Lamp lamp, vec3 to_middle) {
+    vec3 axis = vec3_of(lamp.axis);
+    LitPart lit;
+    if (lamp.tan_half_spread == 0.0) {
+        lit.way = axis * dot(to_middle, axis);
+        lit.radius = 0.0;
+        lit.share = vec2(1.0);
+        lit.found = within_outline(lamp, along_sides(lamp, -to_middle));
+        return lit;
+    }
+    Part seen = part(lamp, to_middle);
+    lit.found = seen.found;
+    if (!seen.found) {
+        return lit;
+    }
+    vec2 middle = 0.5 * (seen.lo + seen.hi), size = seen.size;
+    vec2 of_lamp = 0.5 * size / vec2(lamp.half_extent[0], lamp.half_extent[1]);
+    float from_foot = sqrt(dot(middle, middle) + dot(size, size) / 12.0);
+    float through = 1.0 - from_foot / (seen.height * lamp.tan_half_spread);
+    lit.way = vec3_of(lamp.sides[0]) * middle.x + vec3_of(lamp.sides[1]) * middle.y - axis * seen.height;
+    lit.radius = 0.5 * length(size);
+    lit.share = vec2(of_lamp.x, of_lamp.y * max(through, LEAST_THROUGH_SPREAD));
+    return lit;
 }
 
 // Density per solid angle with which a direction to the sampled part is drawn.
@@ -66,7 +103,7 @@ float pdf_area(Lamp lamp, Part seen, vec3 direction, float distance_to) {
     }
     float solid_angle = spherical_rectangle_new(seen.lo, seen.hi, seen.height).solid_angle;
     if (solid_angle < LEAST_SOLID_ANGLE) {
-        return per_area / ((seen.hi.x - seen.lo.x) * (seen.hi.y - seen.lo.y));
+        return per_area / (seen.size.x * seen.size.y);
     }
     return 1.0 / solid_angle;
 }
@@ -105,7 +142,7 @@ LampSample sample_area(Lamp lamp, vec3 to_middle, vec2 u) {
     } else {
         SphericalRectangle rectangle = spherical_rectangle_new(seen.lo, seen.hi, seen.height);
         if (rectangle.solid_angle < LEAST_SOLID_ANGLE) {
-            place = seen.lo + (seen.hi - seen.lo) * u;
+            place = seen.lo + seen.size * u;
         } else {
             place = spherical_rectangle_sample(rectangle, u);
         }

@@ -12,6 +12,8 @@ const uint LAMP_RECTANGLE = 2u;
 const uint LAMP_ELLIPSE = 3u;
 
 const float LEAST_SIN_SQUARED = 1e-13;
+const float LEAST_SQUARED_TO_LAMP = 1e-30;
+const float PART_OF_MOST = 0.2;
 
 // Light from a lamp along one direction. Where `pdf` is 0 it is the only direction, and `radiance` is irradiance.
 struct LampSample {
@@ -58,6 +60,22 @@ vec3 around(vec3 axis, float w, float turn) {
 float smoothstep_of(float x) {
     x = clamp(x, 0.0, 1.0);
     return x * x * (3.0 - 2.0 * x);
+}
+
+// About what a spot's cone lets through to a receiver, for choosing among lights.
+float about_through_cone(Lamp lamp, vec3 way) {
+    float squared = dot(way, way);
+    float radius = lamp.half_extent[0];
+    if (squared <= radius * radius) {
+        return 1.0;
+    }
+    float distance_to = sqrt(max(squared, LEAST_SQUARED_TO_LAMP));
+    vec3 off = way / distance_to + vec3_of(lamp.axis);
+    float apart = sqrt(0.5 * dot(off, off));
+    float least = max(apart - radius / distance_to - HORIZON, 0.0);
+    float middle = smoothstep_of((lamp.one_minus_cos_half_angle - apart * apart) * lamp.inverse_blend);
+    float most = smoothstep_of((lamp.one_minus_cos_half_angle - least * least) * lamp.inverse_blend);
+    return max(middle, PART_OF_MOST * most);
 }
 
 // Fraction of the light that a spot's cone lets through along a ray towards it.

@@ -91,11 +91,10 @@ f64 film_squared_errors_of(Resolve film, uint x, uint block) {
             around = f64_add(f64_add(around, row.left), row.right);
             around = f64_add(f64_add(f64_add(around, below.left), below.own), below.right);
             around = f64_div(around, f64_from_u32(max(n, 1u)));
-            f64 squared_mean = f64_mul(row.own, row.own);
-            f64 certain = f64_div(squared_mean, f64_add(squared_mean, f64_mul(SIXTEEN, var)));
-            f64 less = f64_max(f64_sub(squared_mean, var), F64_ZERO);
+            f64 known = f64_max(f64_sub(f64_mul(row.own, row.own), var), F64_ZERO);
+            f64 certain = f64_div(known, f64_add(known, f64_mul(SIXTEEN, var)));
             f64 rest = f64_mul(f64_mul(f64_sub(F64_ONE, certain), around), around);
-            f64 square = f64_add(f64_mul(certain, less), rest);
+            f64 square = f64_add(f64_mul(certain, known), rest);
             sum = f64_add(sum, f64_div(var, f64_add(square, FLOOR)));
         }
     }

@@ -200,8 +200,9 @@ fn strips_add_up_to_the_formula() {
                 let around: Vec<f64> = near.filter(inside).map(|(i, j)| at(i, j)).collect();
                 let a = around.iter().sum::<f64>() / around.len().max(1) as f64;
                 let (m, var) = (at(x, y), f64::from(variance.pixels[(y * width + x) as usize][c]));
-                let w = m * m / (m * m + 16.0 * var);
-                sum += var / (w * (m * m - var).max(0.0) + (1.0 - w) * a * a + 0.01);
+                let q = (m * m - var).max(0.0);
+                let w = q / (q + 16.0 * var);
+                sum += var / (w * q + (1.0 - w) * a * a + 0.01);
             }
         }
         let expected = (sum / (3 * width * height) as f64).sqrt();

@@ -245,8 +245,7 @@ def add_lights(lights):
             matrix = matrix_of(shape["world_from_light"])
         else:
             light.shadow_soft_size = shape["radius"]
-            # In both programs a lamp with a radius is a sphere.
-            light.use_soft_falloff = False
+            light.use_soft_falloff = shape["soft_falloff"]
             if kind == "spot":
                 light.spot_size, light.spot_blend = shape["angle_rad"], shape["blend"]
             matrix = looking_along(shape["position"], shape.get("direction", (0.0, 0.0, -1.0)))

@@ -19,10 +19,26 @@ const LEAST_SOLID_ANGLE: f32 = 4e-3;
 struct SampledRegion {
     lo: Vec2,
     hi: Vec2,
+    /// `hi − lo`, also where both round to the same numbers.
+    size: Vec2,
     /// Height of the receiver above the plane.
     height: f32,
     /// Whether the ellipse itself is sampled, by area, instead of the rectangle.
     ellipse: bool,
+}
+
+/// Least share of the light along the axis by which a lamp with a spread is chosen: in a corner of what is sampled, the mean may be past the
+/// spread where some light is.
+const LEAST_THROUGH_SPREAD: f32 = 0.05;
+
+/// The part of an area lamp that lights a receiver, as far as it matters for choosing among lights.
+pub(super) struct LitPart {
+    /// From the receiver to its middle; of a beam, to where its light comes from.
+    pub(super) way: Vec3,
+    /// Half of its diagonal; 0 of a beam.
+    pub(super) radius: f32,
+    /// Two factors, of which the product is about its intensity towards the receiver over that of the whole lamp along its axis.
+    pub(super) share: Vec2,
 }
 
 impl ReadyLamp {
@@ -64,10 +80,31 @@ impl ReadyLamp {
         if lo.x >= hi.x || lo.y >= hi.y {
             return None;
         }
-        let wide = (hi.x - lo.x) * (hi.y - lo.y);
-        let ellipse = self.kind == LampKind::Ellipse && wide >= PI * half.x * half.y;
+        let size = hi - lo;
+        let ellipse = self.kind == LampKind::Ellipse && size.x * size.y >= PI * half.x * half.y;
         // From here on relative to the receiver's foot point.
-        Some(SampledRegion { lo: lo - foot, hi: hi - foot, height, ellipse })
+        Some(SampledRegion { lo: lo - foot, hi: hi - foot, size, height, ellipse })
+    }
+
+    /// What lights a receiver above the lamp's plane; `None` where nothing does. The spread counts as at the root of the mean squared distance
+    /// from the foot point.
+    #[inline]
+    pub(super) fn lit_part(&self, to_middle: Vec3) -> Option<LitPart> {
+        if self.tan_half_spread == 0.0 {
+            let height = -to_middle.dot(self.axis);
+            let lit = LitPart { way: self.axis * -height, radius: 0.0, share: Vec2::ONE };
+            return self.within_outline(self.along_sides(-to_middle)).then_some(lit);
+        }
+        let part = self.part(to_middle)?;
+        let middle = 0.5 * (part.lo + part.hi);
+        let of_lamp = 0.5 * part.size / Vec2::from_array(self.half);
+        let from_foot = (middle.length_squared() + part.size.length_squared() / 12.0).sqrt();
+        let through = 1.0 - from_foot / (part.height * self.tan_half_spread);
+        Some(LitPart {
+            way: self.sides[0] * middle.x + self.sides[1] * middle.y - self.axis * part.height,
+            radius: 0.5 * part.size.length(),
+            share: Vec2::new(of_lamp.x, of_lamp.y * through.max(LEAST_THROUGH_SPREAD)),
+        })
     }
 
     #[inline]
@@ -87,7 +124,7 @@ impl ReadyLamp {
         } else {
             let seen = SphericalRectangle::new(part.lo, part.hi, part.height);
             if seen.solid_angle < LEAST_SOLID_ANGLE {
-                part.lo + (part.hi - part.lo) * Vec2::from_array(u)
+                part.lo + part.size * Vec2::from_array(u)
             } else {
                 seen.sample(u)
             }
@@ -118,7 +155,7 @@ impl ReadyLamp {
         }
         let solid_angle = SphericalRectangle::new(part.lo, part.hi, part.height).solid_angle;
         if solid_angle < LEAST_SOLID_ANGLE {
-            return per_area / ((part.hi.x - part.lo.x) * (part.hi.y - part.lo.y));
+            return per_area / (part.size.x * part.size.y);
         }
         1.0 / solid_angle
     }

@@ -9,10 +9,14 @@ use std::f32::consts::{FRAC_1_PI, PI};
 
 use glam::Vec3;
 
-use super::{LampKind, LampSample, ReadyLamp, Receiver};
+use super::{HORIZON, LEAST_SQUARED_TO_LAMP, LampKind, LampSample, ReadyLamp, Receiver};
 
 /// Below this sin²θ a ball is treated as a point: directions in the cone differ by less than the rounding of an f32 direction.
 pub(super) const LEAST_SIN_SQUARED: f32 = 1e-13;
+
+/// Part of the largest transmission of a spot's cone by which it is chosen at least: where the middle is dark, a fifth of a ball's light is
+/// about the mean.
+const PART_OF_MOST: f32 = 0.2;
 
 /// Two unit vectors that complete a unit normal to a right-handed frame: Duff et al. 2017, JCGT 6(1), listing 3.
 #[inline]
@@ -49,6 +53,26 @@ impl ReadyLamp {
         // |a − b|² / 2 = 1 − cos for unit vectors, accurate at small angles too.
         let one_minus_cos = 0.5 * (direction + self.axis).length_squared();
         smoothstep((self.one_minus_cos_half_angle - one_minus_cos) * self.inverse_blend)
+    }
+
+    /// About what a spot's cone transmits to a receiver, for choosing among lights; `way` goes from the receiver to the middle. It is the
+    /// transmission from the middle, and at least a part of the largest from any point of the ball, or of the disk in its place.
+    ///
+    /// √(1 − cos x) is √2 sin(x/2). The directions of those points differ by an angle b from that of the middle, which is x off the axis, and
+    /// sin(x/2) − sin(b/2) ≤ sin((x − b)/2), while √2 sin(b/2) ≤ sin b ≤ radius / distance.
+    #[inline]
+    pub(super) fn about_through_cone(&self, way: Vec3) -> f32 {
+        let (squared, radius) = (way.length_squared(), self.half[0]);
+        // Within the ball the cone does not count.
+        if squared <= radius * radius {
+            return 1.0;
+        }
+        let distance = squared.max(LEAST_SQUARED_TO_LAMP).sqrt();
+        let apart = (0.5 * (way / distance + self.axis).length_squared()).sqrt();
+        let least = (apart - radius / distance - HORIZON).max(0.0);
+        let through =
+            |apart: f32| smoothstep((self.one_minus_cos_half_angle - apart * apart) * self.inverse_blend);
+        through(apart).max(PART_OF_MOST * through(least))
     }
 
     /// Whether directions are sampled from a spot's own cone, which is narrower than the cone that the ball fills (`one_minus_cos`).

@@ -24,8 +24,8 @@ struct Block {
     from_middle: [[f32; LANES]; 3],
     /// Squared radius of a ball around the whole lamp.
     reach_squared: [f32; LANES],
-    /// Lamps that are no balls: bit i for lane i.
-    flat: u16,
+    /// Lamps that are no balls, or balls in a cone: bit i for lane i.
+    alone: u16,
     /// Lanes that have a lamp.
     used: u16,
 }
@@ -64,7 +64,7 @@ impl ManyLamps {
                 }
                 (block.radius[i], block.intensity[i]) = (u, lamp.intensity);
                 block.reach_squared[i] = if is_flat { u * u + v * v } else { u * u };
-                block.flat |= u16::from(is_flat) << i;
+                block.alone |= u16::from(is_flat || lamp.kind == LampKind::Spot) << i;
                 block.used |= 1 << i;
             }
             block
@@ -90,7 +90,7 @@ impl ManyLamps {
         let is_in_range = far < MOST_SQUARED;
         self.blocks.iter().zip((0..).step_by(LANES)).map(move |(block, first)| {
             let mut irradiances = irradiances_of(block, from);
-            let mut alone = if is_in_range { block.flat } else { block.used };
+            let mut alone = if is_in_range { block.alone } else { block.used };
             while alone != 0 {
                 let i = alone.trailing_zeros() as usize;
                 alone &= alone - 1;
@@ -116,7 +116,7 @@ impl ManyLamps {
     }
 }
 
-/// [`ReadyLamp::irradiance_at`] of balls.
+/// [`ReadyLamp::irradiance_at`] of balls that shine all around.
 #[multiversion(targets("x86_64+avx2+avx512f+avx512bw+avx512dq+avx512vl", "x86_64+avx2"))]
 fn irradiances_of(block: &Block, from: &Receiver) -> [f32; LANES] {
     let ([x, y, z], n) = (&block.position, from.normal);

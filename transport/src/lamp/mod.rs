@@ -24,7 +24,7 @@ mod spherical_rectangle;
 
 use std::f64::consts::PI;
 
-use glam::{DVec3, Vec3};
+use glam::{DVec3, Vec2, Vec3};
 use pumice_scene::{Light, LightShape, Outline};
 
 pub(crate) use lamp_tree::LampTree;
@@ -203,42 +203,56 @@ impl ReadyLamp {
             && (self.kind != LampKind::Spot || self.one_minus_cos_half_angle > 0.0)
     }
 
-    /// Intensity in the middle of the beam, all colours together; of a beam, its irradiance.
+    /// Intensity along the axis, all colours together; of a beam, its irradiance.
     fn intensity_of(&self) -> f32 {
         let l = self.radiance.dot(Vec3::new(0.2126, 0.7152, 0.0722));
         let pi = std::f32::consts::PI;
         let [u, v] = self.half;
+        let along_axis = self.tan_half_spread * self.spread_factor;
         match self.kind {
             LampKind::Rectangle | LampKind::Ellipse if self.tan_half_spread == 0.0 => l,
-            LampKind::Rectangle => 4.0 * u * v * l,
-            LampKind::Ellipse => pi * u * v * l,
+            LampKind::Rectangle => 4.0 * u * v * (l * along_axis),
+            LampKind::Ellipse => pi * u * v * (l * along_axis),
             LampKind::Ball | LampKind::Spot => l * if u == 0.0 { 1.0 } else { pi * u * u },
         }
     }
 
     /// About the irradiance that a receiver can have from the lamp, for choosing among lights; 0 only where it has none. Its cosine is the
-    /// largest of any point of the ball around the lamp.
+    /// largest of any point of a ball around what lights the receiver: the lamp, or the part of it that a spread leaves.
     #[inline]
     pub fn irradiance_at(&self, from: &Receiver) -> f32 {
-        let way = (self.position - from.point).as_vec3();
+        let mut way = (self.position - from.point).as_vec3();
         let height = -way.dot(self.axis);
         let is_flat = self.kind as u32 >= LampKind::Rectangle as u32;
         if is_flat && height <= 0.0 {
             return 0.0;
         }
         let [u, v] = self.half;
-        let radius = if is_flat { (u * u + v * v).sqrt() } else { u };
+        let mut radius = if is_flat { (u * u + v * v).sqrt() } else { u };
+        // The shares of a flat lamp are along its sides.
+        let mut share = Vec2::ONE;
+        if self.kind == LampKind::Spot {
+            share.x = self.about_through_cone(way);
+        } else if is_flat && self.tan_half_spread < WIDEST_TAN {
+            let Some(lit) = self.lit_part(way) else { return 0.0 };
+            (way, radius, share) = (lit.way, lit.radius, lit.share);
+        }
         let squared = way.length_squared().max(radius * radius).max(LEAST_SQUARED_TO_LAMP);
         let distance = squared.sqrt();
         let mut cos = 1.0;
         if !from.both_sides {
             cos = ((way.dot(from.normal) + radius) / distance + HORIZON).clamp(0.0, 1.0);
         }
-        let mut irradiance = self.intensity;
-        if !(is_flat && self.tan_half_spread == 0.0) {
-            irradiance *= if is_flat { (height / distance).max(LEAST_LAMP_COSINE) } else { 1.0 } / squared;
+        let intensity = self.intensity;
+        if !is_flat {
+            intensity * (share.x / squared) * cos
+        } else if self.tan_half_spread == 0.0 {
+            intensity * cos
+        } else {
+            // One share after the other, for a small one of a wide lamp, near by, must not underflow.
+            let lamp_cos = (height / distance).max(LEAST_LAMP_COSINE);
+            intensity * (share.x / distance) * (share.y / distance) * lamp_cos * cos
         }
-        irradiance * cos
     }
 
     /// Samples a direction towards the lamp; `None` where the sample carries no light.
