@@ -154,13 +154,13 @@ fn rested(which: u32, seed: u64, rule: Adaptive) -> PathTracer<Dense> {
     tracer
 }
 
-/// Observed over twelve seeds: errors of 0.52 to 0.66 of the threshold, and 0.70 to 0.82 of the errors of as many samples distributed
+/// Observed over twelve seeds: errors of 0.51 to 0.66 of the threshold, and 0.67 to 0.85 of the errors of as many samples distributed
 /// evenly; means of the picture off by at most 0.0016 of it, where even samples are off by 0.0006. So the bias is far below the threshold,
 /// and its limit here is a tenth of the threshold.
 #[test]
 fn where_all_pixels_rest_the_error_is_below_the_threshold() {
     let seeds = 6u32;
-    for (which, threshold) in [(0, 0.05), (1, 0.05), (2, 0.08)] {
+    for (which, threshold) in [(0, 0.05), (1, 0.04), (2, 0.08)] {
         let reference = reference(which);
         let error = |film: &FilmBuffer| rel_mse(&film.mean().unwrap(), reference).sqrt() / f64::from(seeds);
         let sum = |i: &Image| i.pixels.iter().flatten().map(|&v| f64::from(v)).sum::<f64>();

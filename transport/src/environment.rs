@@ -29,6 +29,7 @@ use pumice_core::reserve::reserved;
 use pumice_picture::image::Image;
 
 use crate::cdf_guide::CdfGuide;
+use crate::sky_irradiance::SkyIrradiance;
 
 /// A picture with its sampling distribution (see the module).
 #[derive(Clone, Debug)]
@@ -41,8 +42,8 @@ pub struct EnvironmentTable {
     pub rotation_rad: f64,
     /// Brightness above which directions are sampled, without `strength`: the mean over all.
     pub floor: f32,
-    /// Irradiance on a surface that faced all light above the mean, for choosing among lights; 0 where nothing is sampled.
-    pub irradiance: f32,
+    /// Irradiance of the light above the mean, for choosing among lights; 0 where nothing is sampled.
+    pub irradiance: SkyIrradiance,
     /// Cumulative probabilities of rows of cells: height + 2 entries from 0 to 1.
     pub row_cdf: Vec<f64>,
     /// Cumulative probabilities within each row of cells: width + 1 entries from 0 to 1.
@@ -135,7 +136,16 @@ impl EnvironmentTable {
         let columns = column_cdf.chunks_exact(width + 1).map(|row| &row[1..width]);
         let of_columns = CdfGuide::new(columns, width, what);
         let guides = [of_rows.map_err(no_memory)?, of_columns.map_err(no_memory)?];
-        let irradiance = if is_even { 0.0 } else { (total / 4.0) as f32 * strength };
+        let mean = if is_even { 0.0 } else { (total / 4.0) as f32 * strength };
+        let columns: Vec<(f64, f64)> =
+            (0..width).map(|x| azimuth_of(x as f64 + 0.5, width, rotation_rad).sin_cos()).collect();
+        let light = (0..height).flat_map(|y| {
+            let (sin, z) = (PI * (y as f64 + 0.5) / height as f64).sin_cos();
+            let solid_angle = pixel_solid_angle(y, width, height);
+            let weight = move |x: usize| f64::from(brightness(x, y)) * solid_angle;
+            columns.iter().zip(0..).map(move |((s, c), x)| (DVec3::new(sin * c, sin * s, z), weight(x)))
+        });
+        let irradiance = SkyIrradiance::new(mean, light);
         Ok(Self {
             image,
             strength,
@@ -241,13 +251,19 @@ impl EnvironmentTable {
         let [above, below] = row_angles(row, height);
         let polar = above + (below - above) * f64::from(fy);
         let place_x = left as f64 + 0.5 + f64::from(fx);
-        let azimuth = (0.5 - place_x / width as f64) * 2.0 * PI + self.rotation_rad;
+        let azimuth = azimuth_of(place_x, width, self.rotation_rad);
         let ((sin, z), (s, c)) = (polar.sin_cos(), azimuth.sin_cos());
         let radiance = bilinear(pixels, [fx, fy]) * self.strength;
         let brightness = bilinear(pixels.map(|p| self.excess(p)), [fx, fy]);
         let pdf = (f64::from(brightness * self.row_density[row]) / sin.max(LEAST_SINE)) as f32;
         (DVec3::new(sin * c, sin * s, z), radiance, pdf)
     }
+}
+
+/// The angle from +x to the direction of a place in a picture of this width.
+#[inline]
+fn azimuth_of(place_x: f64, width: usize, rotation_rad: f64) -> f64 {
+    (0.5 - place_x / width as f64) * 2.0 * PI + rotation_rad
 }
 
 /// Polar angles of the upper and the lower border of a row of cells.
@@ -359,15 +375,15 @@ mod tests {
     fn an_even_picture_is_not_sampled_and_a_small_spot_is() {
         let even = Image::new(8, 4, vec![[0.2, 0.3, 0.1]; 32]);
         let table = EnvironmentTable::new(even.clone(), 1.0, 0.0).expect("valid");
-        assert_eq!((table.irradiance, table.pdf(DVec3::X)), (0.0, 0.0));
+        assert_eq!((table.irradiance.mean, table.pdf(DVec3::X)), (0.0, 0.0));
         let mut spot = even;
         spot.pixels[12] = [3.0; 3];
         let table = EnvironmentTable::new(spot.clone(), 1.0, 0.0).expect("valid");
         let (_, radiance, _) = table.sample([0.5, 0.5]);
-        assert!(table.irradiance > 0.0 && radiance.x > table.floor);
+        assert!(table.irradiance.mean > 0.0 && radiance.x > table.floor);
         // Above 0 all is sampled, with the irradiance of the whole picture.
         let all = EnvironmentTable::above(0.0, spot, 1.0, 0.0).expect("valid");
-        assert!(all.pdf(DVec3::Z) > 0.0 && all.irradiance > PI as f32 * 0.3);
+        assert!(all.pdf(DVec3::Z) > 0.0 && all.irradiance.mean > PI as f32 * 0.3);
     }
 
     #[test]

@@ -6,7 +6,7 @@
 //! renderer     the interface of a renderer to its caller          trace       the interface of geometry to an integrator
 //! camera_rays  rays through pixels (lens, filter, sampler)        bsdf        how surfaces scatter (material_table, palette,
 //!                                                                             farthest_colors: materials and colours of labels)
-//! lights       choice of a light to sample (sun, lamp, environment, emitters; light_tree: one of many)
+//! lights       choice of a light to sample (sun, lamp, environment with sky_irradiance, emitters; light_tree: one of many)
 //! geometry     placement, bvh, bricks, cuts, levels of detail, instance tree
 //! ```
 //! The integrators and the kernels that trace rays are in `pumice-cpu` and `pumice-vulkan`.
@@ -31,6 +31,7 @@ pub mod renderer;
 pub mod sampler;
 pub mod scene_lights;
 pub mod scene_plan;
+pub mod sky_irradiance;
 pub mod sun;
 pub mod trace;
 
@@ -45,5 +46,6 @@ pub use material_table::MaterialTable;
 pub use renderer::{CoarseFrame, Pick, Progress, Rebuilt, RenderError, Renderer, SeenSurface};
 pub use scene_lights::{ReadImage, scene_lights};
 pub use scene_plan::{InstancePlan, MeshPlan, Reuse, ScenePlan, Source};
+pub use sky_irradiance::SkyIrradiance;
 pub use sun::ReadySun;
 pub use trace::{Hit, PathOrigin, RayInWorld, Surface, SurfaceKind, Tracer};

@@ -4,8 +4,8 @@
 //! and gain nothing. An environment picture, suns and lamps are sampled, and emissive surfaces ([`Emitters`]), all together as one more
 //! light: one of them for each surface point. A scattered ray finds emissive surfaces as those that it hits.
 //!
-//! **Which one.** Each light has a weight at a receiver, about the irradiance that it can give there: suns by their cosine, lamps by distance,
-//! by the receiver's cosine and by their own, emissive surfaces by the distance to their middle. A light below the horizon or behind a lamp
+//! **Which one.** Each light has a weight at a receiver, about the irradiance that it can give there: a sky by the normal, suns by their
+//! cosine, lamps by distance, by the receiver's cosine, by their own and by cone or spread, emissive surfaces by the distance to their middle. A light below the horizon or behind a lamp
 //! has none. Nine tenths of the probability are proportional to the weights ([`LightOdds`]). With weights that ignored distance, a lamp far
 //! away took most samples from the sky, for 5 times the variance.
 //!
@@ -22,6 +22,7 @@ use glam::{DVec3, Vec3};
 use crate::emitters::Emitters;
 use crate::lamp::{LampTree, ManyLamps};
 use crate::light_tree::LightTree;
+use crate::sky_irradiance::SkyIrradiance;
 
 /// Light from infinity.
 #[derive(Clone, Debug)]
@@ -76,8 +77,8 @@ pub struct Lights {
     /// Whether camera rays see any lamp.
     shows_lamps: bool,
     backdrop: Option<[Vec3; 2]>,
-    /// Irradiance that a sampled sky can give; 0 where it is not sampled.
-    sky_irradiance: f32,
+    /// Irradiance of a sampled sky; 0 where it is not sampled.
+    sky_irradiance: SkyIrradiance,
     emitters: Option<Arc<Emitters>>,
     /// [`Lights::has_sampled_light`].
     is_sampled: bool,
@@ -138,7 +139,7 @@ impl Lights {
     pub fn new(sky: Sky, suns: Vec<ReadySun>, backdrop: Option<[[f32; 3]; 2]>) -> Self {
         let backdrop = backdrop.map(|b| b.map(Vec3::from_array));
         let sky_irradiance = match &sky {
-            Sky::Constant(_) => 0.0,
+            Sky::Constant(_) => SkyIrradiance::default(),
             Sky::Image(table) => table.irradiance,
         };
         let lights = Self {
@@ -211,8 +212,8 @@ impl Lights {
         self.backdrop
     }
 
-    /// Irradiance that the sky can give where it is sampled, else 0.
-    pub fn sky_irradiance(&self) -> f32 {
+    /// Irradiance of the sky where it is sampled, else 0.
+    pub fn sky_irradiance(&self) -> SkyIrradiance {
         self.sky_irradiance
     }
 
@@ -229,7 +230,7 @@ impl Lights {
     /// Whether some light is of a kind that is sampled.
     pub fn has_sampled_light(&self) -> bool {
         let suns = self.suns.iter().any(|sun| sun.irradiance() > 0.0);
-        self.sky_irradiance > 0.0 || suns || !self.lamps.is_empty() || self.emitters.is_some()
+        self.sky_irradiance.mean > 0.0 || suns || !self.lamps.is_empty() || self.emitters.is_some()
     }
 
     /// Whether any light is sampled.
@@ -242,7 +243,7 @@ impl Lights {
     #[inline]
     fn weight(&self, light: Light, from: &Receiver) -> f32 {
         let weight = match light {
-            Light::Sky => self.sky_irradiance,
+            Light::Sky => self.sky_irradiance.irradiance_at(from),
             Light::Sun(i) => self.suns[i].irradiance_at(from),
             Light::Lamp(i) => self.lamps[i].irradiance_at(from),
             Light::AllLamps => match &self.lamp_sampling {

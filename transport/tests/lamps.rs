@@ -421,6 +421,24 @@ fn lamps_are_chosen_by_the_irradiance_that_they_give() {
     assert!(point(2.0, 0.1, false).irradiance_at(&up(2.09, false)) > 0.0);
 }
 
+/// A lamp that is narrower than the rounding of its distance gives the light of a lamp that is not.
+#[test]
+fn narrow_lamps_give_their_light() {
+    for outline in [Outline::Rectangle, Outline::Ellipse] {
+        for spread in [PI, 1.2] {
+            let of = |size| irradiance(&area(2.0, outline, size, spread), &floor(0.7, 0.4), 16);
+            let expected = of([1e-3; 2]);
+            for size in [[1e-9, 1e-3], [1e-9; 2], [1e-14; 2]] {
+                assert!(
+                    (of(size) / expected - 1.0).abs() < 1e-3,
+                    "{outline:?} {spread} {size:?}: {}",
+                    of(size)
+                );
+            }
+        }
+    }
+}
+
 /// The axes of an area lamp are directions however short or long they are, and nothing that is near the limits of the scene's validation makes a
 /// number that is none.
 #[test]

@@ -90,7 +90,10 @@ struct Lights {
     float sky[3];
     uint has_backdrop;
     float backdrop[2][3];
-    float sky_irradiance;
+    float sky_mean;
+    float sky_constant;
+    float sky_linear[3];
+    float sky_squared[6];
     float emitters_irradiance;
     uint is_sampled;
     float lamp_tree_irradiance;

@@ -3,6 +3,7 @@
 #define LIGHTS_GLSL
 
 #include "environment.glsl"
+#include "sky_irradiance.glsl"
 #include "lamp.glsl"
 #include "lamp_tree.glsl"
 #include "emitters.glsl"
@@ -58,7 +59,7 @@ uint light_count(Lights lights) {
 float light_weight(SceneRef scene, Lights lights, uint light, Receiver from) {
     float weight;
     if (light == 0u) {
-        weight = lights.sky_irradiance;
+        weight = sky_irradiance_at(lights, from);
     } else if (light <= lights.sun_count) {
         weight = sun_irradiance_at(Suns(lights.suns).at[light - 1u], from);
     } else if (has_lamp_tree(lights) && light == lights.sun_count + 1u) {

@@ -158,8 +158,14 @@ pub struct Lights {
     pub has_backdrop: u32,
     /// Colours of the backdrop: bottom, top.
     pub backdrop: [[f32; 3]; 2],
-    /// Irradiance that the sky can give where it is sampled, else 0.
-    pub sky_irradiance: f32,
+    /// Irradiance of the sky: its mean over all normals, 0 where it is not sampled; twin of `SkyIrradiance`, as are the next three.
+    pub sky_mean: f32,
+    /// What no component of the normal changes.
+    pub sky_constant: f32,
+    /// Factors of the normal's components.
+    pub sky_linear: [f32; 3],
+    /// Factors of their products: xx, yy, zz, xy, yz, zx.
+    pub sky_squared: [f32; 6],
     /// Irradiance around all emissive surfaces; 0 where there are none.
     pub emitters_irradiance: f32,
     /// 1 where some light is sampled.

@@ -88,6 +88,7 @@ pub fn lamps(lights: &Lights) -> Vec<layout::Lamp> {
 /// The lights' record, with [`suns`], [`lamps`], and the nodes and cones of the [`lamp_tree`](super::lamp_tree) at these addresses.
 pub fn lights(lights: &Lights, [suns, lamps, nodes, cones]: [u64; 4]) -> layout::Lights {
     let tree = lights.lamp_tree();
+    let sky = lights.sky_irradiance();
     layout::Lights {
         suns,
         lamps,
@@ -107,7 +108,10 @@ pub fn lights(lights: &Lights, [suns, lamps, nodes, cones]: [u64; 4]) -> layout:
         },
         has_backdrop: u32::from(lights.backdrop().is_some()),
         backdrop: lights.backdrop().map_or([[0.0; 3]; 2], |b| b.map(|c| c.to_array())),
-        sky_irradiance: lights.sky_irradiance(),
+        sky_mean: sky.mean,
+        sky_constant: sky.constant,
+        sky_linear: sky.linear.to_array(),
+        sky_squared: sky.squared,
         emitters_irradiance: lights.emitters().map_or(0.0, |e| e.irradiance()),
         is_sampled: u32::from(lights.has_sampled_light()),
     }

@@ -622,6 +622,7 @@ pub(crate) const HOST_FUNCTIONS: &[Listed] = &[
         "transport/src/lamp/mod.rs",
         &[("unit", READY), ("ReadyLamp::new", READY), ("ReadyLamp::intensity_of", READY)],
     ),
+    ("transport/src/sky_irradiance.rs", &[("SkyIrradiance::new", READY)]),
     (
         "transport/src/sun.rs",
         &[
@@ -723,6 +724,7 @@ pub(crate) const OTHER_NAMES: &[Listed] = &[
         "transport/src/environment.rs",
         &[
             ("row_angles", "environment_sample"),
+            ("azimuth_of", "environment_sample"),
             ("rows_around", "environment_sample"),
             ("EnvironmentTable::eval_with_pdf", "environment_pdf"),
         ],
