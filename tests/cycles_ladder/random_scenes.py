@@ -1,4 +1,4 @@
-"""Draws scenes by chance with Pumice and with Cycles: `python by_chance.py --blender PYTHON FIRST END`, with the module `pumice` installed.
+"""Draws random scenes with Pumice and with Cycles: `python random_scenes.py --blender PYTHON FIRST END`, with the module `pumice` installed.
 
 The ladder's scenes and those of `pumice bench convergence` are chosen, and what nobody thought of is in none of them. Here materials, lights,
 skies and bounces follow from the scene's number. For each scene a line says
@@ -30,8 +30,8 @@ SHARES = [0.25, 0.15, 0.08, 0.12, 0.08, 0.2, 0.04, 0.04, 0.04]
 LABELS = 9
 
 
-class Chance:
-    """The numbers of a scene."""
+class Random:
+    """The random numbers of a scene."""
 
     def __init__(self, number):
         self.rng = np.random.default_rng(number)
@@ -42,8 +42,8 @@ class Chance:
     def magnitude(self, low, high):
         return math.exp(self.between(math.log(low), math.log(high)))
 
-    def is_so(self, chance):
-        return bool(self.rng.random() < chance)
+    def is_so(self, probability):
+        return bool(self.rng.random() < probability)
 
     def of(self, things, shares=None):
         return things[self.rng.choice(len(things), p=shares)]
@@ -94,12 +94,12 @@ def light(by, number):
 
 def scene(number):
     """(fields as of a rung's file, what is in the scene)."""
-    by = Chance(number)
+    by = Random(number)
     default = by.of(["plastic", "matte", "coat", "metal"])
     kinds = {rank: by.of(MATERIALS, SHARES) for rank in range(LABELS) if by.is_so(0.6)}
     style = {"material": material(by, default), "materials": {str(rank): material(by, k) for rank, k in kinds.items()}}
     fields = {
-        "what": f"scene {number} by chance",
+        "what": f"random scene {number}",
         "crop": {"labels": [int(by.rng.integers(0, 15 - LABELS)), 15]},
         "view": {"eye": [by.between(-1.0, 3.2), by.between(-3.9, -2.6), by.between(0.4, 2.4)]},
         "scene": {"style": style, "settings": {"bounces": by.of([1, 3, 8, 16])}},
@@ -164,7 +164,7 @@ def main():
     for number in range(args.first, args.end):
         fields, told = scene(number)
         with tempfile.TemporaryDirectory() as folder:
-            rung = rungs.Rung(f"chance-{number}", Path(folder), fields)
+            rung = rungs.Rung(f"random-{number}", Path(folder), fields)
             theirs, _ = by_cycles.pictures(args.blender, rung, 0, args.seeds, spp=args.spp)
             ours, estimates = [], []
             for seed in range(args.seeds):
